@@ -1,0 +1,43 @@
+"""One decorator for every compiled kernel, and the rules of its on-disk cache.
+
+numba notices an edited file only for the functions defined in it, not for their callers elsewhere. So
+the cache folder carries a hash of every kernel's source: an edited kernel is never served stale.
+"""
+
+import hashlib
+import os
+import tempfile
+from pathlib import Path
+
+import numba
+
+PACKAGE = Path(__file__).parent
+ROOMS = ("models", "radio", "mission", "policies")  # where kernels live
+
+
+def _source_hash() -> str:
+    digest = hashlib.sha256(numba.__version__.encode())
+    for path in [PACKAGE / "terms.py"] + sorted(p for room in ROOMS for p in (PACKAGE / room).glob("*.py")):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def _cache_dir() -> Path:
+    """Of this user and of these sources; works for read-only installs and unwritable homes."""
+    home = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    for base in (Path(home), Path(tempfile.gettempdir()) / f"cache-{os.getuid()}"):
+        folder = base / "commhg_mj" / f"kernels-{_source_hash()}"
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            if os.access(folder, os.W_OK):
+                return folder
+        except OSError:
+            continue
+    return Path(tempfile.mkdtemp(prefix="commhg_mj-kernels-"))
+
+
+CACHE_DIR = _cache_dir()
+COMPILED = CACHE_DIR / "compiled"  # left behind once every kernel has been compiled
+numba.config.CACHE_DIR = str(CACHE_DIR)
+
+kernel = numba.njit(cache=True, nogil=True, error_model="numpy")

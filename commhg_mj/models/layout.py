@@ -1,0 +1,181 @@
+"""Seeded planar geometry of a world: obstacles with their surfaces, station and starting places.
+
+The one source of footprints (abstract links, routes) and of the MJCF model (rays, pictures).
+Coordinates: metres; the map is [0, side]², x east, y north, z up, the plain at z = 0.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..scenarios import Scenario
+from ..terms import Footprint
+
+# A footprint part is an ellipse: semi-axes a and b, `angle` from east to the axis of a. Forest parts are
+# discs (a = b), so that a MuJoCo cylinder is the same set; the parts of one forest share their `group`.
+PART = np.dtype(
+    [("kind", "i4"), ("group", "i4"), ("x", "f8"), ("y", "f8"), ("a", "f8"), ("b", "f8"), ("angle", "f8"), ("height", "f8")]
+)
+SURFACE_NODES = 33  # a mountain's surface: heights on a square grid of this many nodes a side
+MARGIN = 0.03  # of the side: obstacles' centres and POIs keep off the border
+STATION_CLEARING = 0.09  # of the side: free of obstacles around the station
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Geometry of one world. Heights and coordinates are rounded to centimetres (an MJCF round trip is exact)."""
+
+    side: float
+    parts: np.ndarray  # [n] of PART; mountains first, in the order of `surfaces`
+    surfaces: np.ndarray  # [mountains, SURFACE_NODES (y), SURFACE_NODES (x)] m, 0 outside the footprint
+    station: np.ndarray  # [2]
+    operators: np.ndarray  # [operators, 2] where they sit
+    starts: np.ndarray  # [robots, 2] where robots begin, UAVs first
+
+    @property
+    def mountains(self) -> np.ndarray:
+        return self.parts[self.parts["kind"] == Footprint.MOUNTAIN]
+
+    @property
+    def forests(self) -> np.ndarray:
+        return self.parts[self.parts["kind"] == Footprint.FOREST]
+
+    def ground_height(self, xy) -> np.ndarray:
+        """Height [m] of the ground at xy [..., 2]: the same triangles that rays hit and pictures show."""
+        xy = np.asarray(xy, float)
+        height = np.zeros(xy.shape[:-1])
+        for part, surface in zip(self.mountains, self.surfaces):
+            half = surface_half_width(part)
+            grid = (xy - [part["x"], part["y"]] + half) / (2 * half) * (SURFACE_NODES - 1)
+            height = np.maximum(height, _triangles(surface, grid))
+        return height
+
+
+def surface_half_width(part) -> float:
+    """Half the width [m] of the square, centred on the part, that carries a mountain's surface grid."""
+    return round(1.04 * max(part["a"], part["b"]), 2)
+
+
+def _triangles(surface, grid):
+    """Piecewise linear surface at grid [..., 2]; each cell is split from its (0, 0) to its (1, 1) corner."""
+    last = SURFACE_NODES - 1
+    inside = np.all((grid >= 0) & (grid <= last), axis=-1)
+    cell = np.clip(grid.astype(int), 0, last - 1)
+    u, v = np.moveaxis(np.clip(grid - cell, 0, 1), -1, 0)
+    i, j = cell[..., 0], cell[..., 1]
+    z00, z10, z01, z11 = surface[j, i], surface[j, i + 1], surface[j + 1, i], surface[j + 1, i + 1]
+    lower = z00 + u * (z10 - z00) + v * (z11 - z10)
+    upper = z00 + u * (z11 - z01) + v * (z01 - z00)
+    return np.where(inside, np.where(u >= v, lower, upper), 0.0)
+
+
+def unit_frame(parts, inflation=0.0) -> np.ndarray:
+    """Maps that turn each (inflated) ellipse into the unit circle: rows (x, y, m00, m01, m10, m11)."""
+    cos, sin = np.cos(parts["angle"]), np.sin(parts["angle"])
+    a, b = parts["a"] + inflation, parts["b"] + inflation
+    return np.stack([parts["x"], parts["y"], cos / a, sin / a, -sin / b, cos / b], axis=-1)
+
+
+def inside_any(frames, xy) -> np.ndarray:
+    """Whether points xy [..., 2] lie in any ellipse of `frames` [n, 6]."""
+    d = np.asarray(xy)[..., None, :] - frames[:, :2]
+    u = d[..., 0] * frames[:, 2] + d[..., 1] * frames[:, 3]
+    v = d[..., 0] * frames[:, 4] + d[..., 1] * frames[:, 5]
+    return np.any(u * u + v * v < 1.0, axis=-1)
+
+
+def draw_layout(scenario: Scenario, rng: np.random.Generator) -> Layout:
+    """Draw obstacles for one world; the clearing around the station stays free."""
+    side = scenario.map_side
+    station = np.round([0.5 * side + rng.uniform(-0.08, 0.08) * side, 0.06 * side], 2)
+    mountains = _draw_mountains(scenario, station, rng)
+    forests = _draw_forests(scenario, station, mountains, rng)
+    surfaces = [_draw_surface(part, rng) for part in mountains]
+    return Layout(
+        side=side,
+        parts=np.concatenate([mountains, forests]),
+        surfaces=np.array(surfaces).reshape(-1, SURFACE_NODES, SURFACE_NODES),
+        station=station,
+        operators=np.round(station + _row(scenario.n_operators, 3.0, -7.0), 2),
+        starts=np.round(station + _row(scenario.n_robots, min(6.0, 0.1 * side / scenario.n_robots), 9.0), 2),
+    )
+
+
+def _row(n, spacing, y):
+    """n places [n, 2] beside each other, centred on x = 0."""
+    return np.stack([(np.arange(n) - (n - 1) / 2) * spacing, np.full(n, y)], axis=-1)
+
+
+def _place(radius, station, others, side, rng):
+    """A centre whose disc avoids the clearing and, as long as tries last, the discs (x, y, r) of `others`."""
+    centre = station
+    for attempt in range(400):
+        centre = rng.uniform(MARGIN * side, (1 - MARGIN) * side, 2)
+        patience = max(0.5, 1.0 - attempt / 400)
+        clear = np.linalg.norm(centre - station) > radius + STATION_CLEARING * side
+        if clear and all(np.hypot(*(centre - o[:2])) > patience * (radius + o[2]) for o in others):
+            return centre
+    # Crowded: the farthest corner always clears the station.
+    return np.array([MARGIN * side if centre[0] < side / 2 else (1 - MARGIN) * side, (1 - MARGIN) * side])
+
+
+def _draw_mountains(scenario, station, rng):
+    rules, side = scenario.world, scenario.map_side
+    parts = np.zeros(rules.n_mountains if rules.mountain_share > 0 else 0, PART)
+    weights = rng.uniform(0.6, 1.4, len(parts))
+    areas = rules.mountain_share * side**2 * weights / weights.sum() if len(parts) else weights
+    placed = []
+    for i in range(len(parts)):
+        stretch = rng.uniform(1.0, 1.3)
+        radius = np.sqrt(areas[i] / np.pi)
+        x, y = _place(radius * stretch, station, placed, side, rng)
+        placed.append((x, y, radius * stretch))
+        lowest, highest = rules.mountain_height
+        height = np.clip(rng.uniform(0.7, 1.2) * radius, lowest, highest)
+        a, b = radius * stretch, radius / stretch
+        parts[i] = (Footprint.MOUNTAIN, i, *np.round([x, y, a, b], 2), round(rng.uniform(0, np.pi), 4), round(height, 2))
+    return parts
+
+
+def _draw_forests(scenario, station, mountains, rng):
+    rules, side = scenario.world, scenario.map_side
+    groups = rules.n_forests if rules.forest_share > 0 else 0
+    placed = [(m["x"], m["y"], m["a"]) for m in mountains]
+    discs = []
+    for group in range(groups):
+        # Discs of one forest overlap: 0.87 of the equal radius each leaves the union near the share.
+        radius = 0.87 * np.sqrt(rules.forest_share * side**2 / groups / np.pi) * rng.uniform(0.85, 1.15)
+        x, y = _place(1.5 * radius, station, placed, side, rng)
+        placed.append((x, y, 1.5 * radius))
+        height = rng.uniform(*rules.canopy_height)
+        discs.append((group, x, y, radius, height))
+        angle = rng.uniform(0, 2 * np.pi)
+        for _ in range(rng.integers(1, 4)):
+            angle += rng.uniform(1.2, 2.4)
+            r = radius * rng.uniform(0.5, 0.75)
+            d = radius * rng.uniform(0.7, 0.95)
+            discs.append((group, x + d * np.cos(angle), y + d * np.sin(angle), r, height))
+    parts = np.zeros(len(discs), PART)
+    for i, (group, *disc) in enumerate(discs):
+        x, y, r, height = np.round(disc, 2)
+        parts[i] = (Footprint.FOREST, group, x, y, r, r, 0.0, height)
+    return parts
+
+
+def _draw_surface(part, rng):
+    """Heights [m] of a mountain: a cone that vanishes on the footprint's edge, roughened by ridges."""
+    half = surface_half_width(part)
+    axis = np.linspace(-half, half, SURFACE_NODES)
+    x, y = np.meshgrid(axis, axis)
+    _, _, m00, m01, m10, m11 = unit_frame(part)
+    u, v = m00 * x + m01 * y, m10 * x + m11 * y
+    radius, bearing = np.hypot(u, v), np.arctan2(v, u)
+    cone = np.clip(1.0 - radius, 0, None)
+    ridges = sum(
+        np.cos(k * bearing + rng.uniform(0, 2 * np.pi) + 2.0 * radius * rng.uniform(-1, 1)) * rng.uniform(0.4, 1.0) / k
+        for k in (2, 3, 5, 7)
+    )
+    lumps = np.cos(5 * u + rng.uniform(0, 6.28)) * np.cos(5 * v + rng.uniform(0, 6.28))
+    surface = cone**1.1 * (1.0 + 0.28 * ridges * np.minimum(1.0, 3 * radius) + 0.15 * lumps)
+    surface = np.clip(surface, 0, None)
+    return np.round(surface / surface.max() * part["height"], 2)

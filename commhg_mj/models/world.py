@@ -1,0 +1,67 @@
+"""A world: one layout with its points of interest and ground routes, all drawn from one seed."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from ..scenarios import Scenario
+from ..terms import TaskType
+from .layout import STATION_CLEARING, Layout, draw_layout
+from .routes import Roadmap, Routes, find_path
+
+TRIES_PER_POI = 2000
+BORDER = 0.02  # of the side: POIs keep off the border
+STREAM = 1  # separates the world's random stream from the mission's
+
+
+@dataclass(frozen=True)
+class World:
+    """Everything about a mission that stands still."""
+
+    scenario: Scenario
+    seed: int
+    layout: Layout
+    pois: np.ndarray  # [tasks, 2] m
+    poi_types: np.ndarray  # [tasks] TaskType, as announced
+    routes: Routes  # ground routes towards the POIs
+
+    def path(self, start, task: int) -> np.ndarray:
+        """Ground route [k, 2] from `start` [2] to a task's POI."""
+        return find_path(self.routes, start, task)
+
+
+@lru_cache(maxsize=256)
+def make_world(scenario: Scenario, seed: int) -> World:
+    """Generate the world of a mission; the same arguments give the same world.
+
+    Raises:
+      ValueError: the POIs do not fit on the map (names the field).
+    """
+    rng = np.random.default_rng([seed, STREAM])
+    layout = draw_layout(scenario, rng)
+    roadmap = Roadmap(layout.parts, scenario.world.ugv_radius, layout.side, layout.starts.mean(axis=0))
+    poi_types = rng.choice(3, size=scenario.n_tasks, p=scenario.tasks.type_shares).astype(np.int8)
+    pois = _draw_pois(scenario, layout, roadmap, poi_types, rng)
+    return World(scenario, seed, layout, pois, poi_types, roadmap.routes_to(pois))
+
+
+def _draw_pois(scenario, layout, roadmap, poi_types, rng):
+    side = layout.side
+    spacing, clearing = scenario.world.poi_spacing * side, 0.5 * STATION_CLEARING * side
+    pois = np.empty((len(poi_types), 2))
+    for i, poi_type in enumerate(poi_types):
+        for _ in range(TRIES_PER_POI):
+            poi = np.round(rng.uniform(BORDER * side, (1 - BORDER) * side, 2), 2)
+            crowded = i and np.min(np.sum((pois[:i] - poi) ** 2, axis=-1)) < spacing**2
+            if crowded or np.hypot(*(poi - layout.station)) < clearing:
+                continue
+            if poi_type == TaskType.UAV_ONLY or roadmap.is_reachable(poi):
+                pois[i] = poi
+                break
+        else:
+            raise ValueError(
+                f"n_tasks = {scenario.n_tasks} POIs do not fit on the map with world.poi_spacing = "
+                f"{scenario.world.poi_spacing:g}, world.forest_share and world.mountain_share as they are"
+            )
+    return pois

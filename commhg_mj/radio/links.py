@@ -1,0 +1,51 @@
+"""Link models behind one interface: what share of packets does terrain let pass between two radios?
+
+The mission asks only when a message is sent. Loss and delay over clear ground belong to the limitation
+level and are the same for every model, so that models differ by obstacles alone (design: radio.md).
+"""
+
+from enum import IntEnum
+
+import numpy as np
+
+from ..kernels import kernel
+from .abstract import planar_clearance
+
+
+class LinkModel(IntEnum):
+    ABSTRACT = 0  # planar, the paper's
+    PERFECT = 1  # free communication, for the omniscient reference
+
+
+LINK_MODELS = {"abstract": LinkModel.ABSTRACT, "perfect": LinkModel.PERFECT}
+
+ABSTRACT, PERFECT = int(LinkModel.ABSTRACT), int(LinkModel.PERFECT)
+
+
+def find_link_model(name: str) -> LinkModel:
+    """The link model of that name.
+
+    Raises:
+      ValueError: there is none.
+    """
+    if name not in LINK_MODELS:
+        raise ValueError(f"unknown link model {name!r}: use {', '.join(LINK_MODELS)}")
+    return LINK_MODELS[name]
+
+
+@kernel
+def robot_link(rules, ground, ax, ay, bx, by):
+    """Robot-robot link: the share of packets that passes terrain, 0 beyond the range."""
+    if rules.link_model == PERFECT:
+        return 1.0
+    if np.hypot(bx - ax, by - ay) > rules.range:
+        return 0.0
+    return planar_clearance(
+        ground.frames, ground.kinds, rules.forest_decay, rules.mountain_decay, ax, ay, bx, by, ground.scratch
+    )
+
+
+@kernel
+def station_link(rules, ground, x, y):
+    """Robot-station link: as in the paper, without a range and without a terrain term."""
+    return 1.0

@@ -1,0 +1,309 @@
+"""Scenarios: every number of a mission, with its unit, its mark and its reason.
+
+Marks: ``P`` is stated by the paper and fixed; ``D`` is our default where the paper is silent, chosen
+within the calibration rules (docs/calibration.md).
+"""
+
+import dataclasses
+import json
+import math
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+
+LIMITATIONS = ("nominal", "low", "high")
+
+
+def _field(default, unit, mark, doc, low=None, high=None):
+    """A scenario field; `low` and `high` are inclusive bounds of every number in it."""
+    metadata = {"unit": unit, "mark": mark, "doc": doc, "low": low, "high": high}
+    return dataclasses.field(default=default, metadata=metadata)
+
+
+@dataclass(frozen=True)
+class WorldRules:
+    """Ground, obstacles and points of interest (POIs)."""
+
+    forest_share: float = _field(0.10, "of the area", "D", "forest footprints", 0, 0.4)
+    mountain_share: float = _field(0.05, "of the area", "D", "mountain footprints", 0, 0.3)
+    n_forests: int = _field(7, "count", "D", "forests; each is a union of up to four discs", 0, 64)
+    n_mountains: int = _field(3, "count", "D", "mountains; each an ellipse", 0, 32)
+    canopy_height: tuple = _field((12.0, 20.0), "m", "D", "lowest and highest canopy top", 3, 60)
+    mountain_height: tuple = _field((60.0, 150.0), "m", "D", "lowest and highest summit", 5, 1000)
+    poi_spacing: float = _field(0.02, "of the side", "D", "no two POIs closer", 0, 0.1)
+    uav_height: float = _field(60.0, "m", "D", "flight height above the ground below", 1, 500)
+    ugv_radius: float = _field(2.0, "m", "D", "footprints are inflated by it for routes", 0.1, 20)
+    mast_height: float = _field(15.0, "m", "D", "station antenna above the ground", 1, 200)
+
+
+@dataclass(frozen=True)
+class RobotRules:
+    """Speeds and malfunctions; pairs are (UAV, UGV)."""
+
+    autonomous_speed: tuple = _field((18.0, 5.0), "m/s", "P", "speed without control", 0.01, 1000)
+    controlled_speed: tuple = _field((25.0, 8.0), "m/s", "P", "speed under human control", 0.01, 1000)
+    malfunction: float = _field(0.10, "probability", "D", "an autonomous robot fails within the time limit", 0, 0.999)
+    controlled_hazard: float = _field(0.4, "factor", "D", "on the hazard while controlled", 0, 1)
+    sensing_radius: float = _field(0.06, "of the side", "D", "true task state is seen within it", 0, 2)
+
+
+@dataclass(frozen=True)
+class TaskRules:
+    """How tasks are drawn, serviced and change."""
+
+    type_shares: tuple = _field((0.25, 0.25, 0.50), "share", "D", "UAV-only, UGV-only, general", 0, 1)
+    difficulty: tuple = _field((0.0, 1.0), "", "D", "range of the uniform difficulty D", 0, 1)
+    values: tuple = _field((1.0, 2.0, 3.0), "", "P", "equally likely task values", 0.001, 1e6)
+    released_at_start: float = _field(0.70, "share", "D", "tasks known at t = 0", 0, 1)
+    last_release: float = _field(0.60, "of the limit", "D", "later releases are uniform up to here", 0, 1)
+    deadline: tuple = _field((0.10, 0.45), "of the limit", "D", "deadline after the release, uniform", 0, 5)
+    decay: tuple = _field((0.08, 0.20), "of the limit", "D", "late-value decay timescale, uniform", 0.001, 10)
+    change_share: float = _field(0.20, "share", "D", "general tasks that turn robot-exclusive", 0, 1)
+    service_base: float = _field(20.0, "s", "D", "autonomous service time at D = 0", 1, 1e5)
+    service_per_difficulty: float = _field(60.0, "s", "D", "added at D = 1", 0, 1e5)
+    success_autonomous: tuple = _field((0.95, 0.45), "", "D", "P(success) = a - b D", 0, 1)
+    success_controlled: tuple = _field(
+        (0.97, 0.15, 0.20), "", "D", "P(success) = a - b D - c fatigue", 0, 1
+    )
+
+
+@dataclass(frozen=True)
+class OperatorRules:
+    """Proficiency, fatigue and control sessions; pairs are (UAV, UGV)."""
+
+    generalist: tuple = _field((0.90, 0.90), "factor", "P", "service-time multipliers", 0.01, 10)
+    uav_specialist: tuple = _field((0.65, 1.20), "factor", "P", "service-time multipliers", 0.01, 10)
+    ugv_specialist: tuple = _field((1.20, 0.65), "factor", "P", "service-time multipliers", 0.01, 10)
+    capacity: tuple = _field((0.7, 1.3), "", "D", "cognitive capacity c, uniform", 0.01, 10)
+    fatigue_rate: float = _field(
+        1.527e-3, "1/s", "D", "k_a: ten minutes of hard control bring a mean operator to 0.6", 0, 1
+    )
+    recovery_rate: float = _field(2.310e-3, "1/s", "D", "k_r: five minutes of rest halve fatigue", 0, 1)
+    travel_workload: float = _field(0.3, "", "D", "w while the robot travels or idles", 0, 1)
+    service_workload: tuple = _field((0.4, 0.6), "", "D", "w = a + b D while it services", 0, 1)
+    fatigue_slowdown: float = _field(0.5, "", "D", "controlled service time x (1 + this x fatigue)", 0, 10)
+    handover: float = _field(5.0, "s", "D", "after acceptance, without progress", 0, 600)
+    lease: float = _field(30.0, "s", "D", "control holds this long after the last delivered command", 1, 3600)
+    renewal_period: float = _field(10.0, "s", "D", "KEEP renews at most this often", 1, 3600)
+    bid_timeout: float = _field(12.0, "s", "D", "a command not accepted by then is given up", 1, 3600)
+
+
+@dataclass(frozen=True)
+class CommunicationRules:
+    """Transport; triples are (nominal, low, high) limitation."""
+
+    range: tuple = _field((0.30, 0.24, 0.18), "of the side", "P/D", "robot-robot range; nominal [P]", 0, 2)
+    unavailable_or_delayed: tuple = _field(
+        (0.10, 0.20, 0.30), "probability", "P", "lost or delayed over clear ground, in equal shares", 0, 1
+    )
+    out_degree: int = _field(4, "count", "P", "neighbours of one broadcast", 1, 64)
+    delay: int = _field(1, "s", "D", "of a message in time", 1, 60)
+    late_delay: tuple = _field((3, 8), "s", "D", "of a delayed message, uniform", 1, 60)
+    broadcast_records: int = _field(8, "count", "D", "freshest task records in a broadcast", 0, 8)
+    telemetry_records: int = _field(4, "count", "D", "freshest sensed task records in telemetry", 0, 8)
+    bucket: float = _field(192.0, "B", "P", "capacity of each uplink and downlink token bucket", 1, 1e9)
+    refill: float = _field(16.0, "B/s", "D", "of each bucket", 0, 1e9)
+    time_to_live: float = _field(24.0, "s", "P", "of every queued message", 1, 1e6)
+    broadcast_bytes: int = _field(160, "B", "D", "state, assignment and eight task records", 1, 65535)
+    telemetry_bytes: int = _field(64, "B", "D", "own state, own task, freshest sensed records", 1, 65535)
+    query_bytes: int = _field(32, "B", "P", "information query", 1, 65535)
+    request_bytes: int = _field(24, "B", "D", "assistance request", 1, 65535)
+    control_bytes: int = _field(48, "B", "D", "control command", 1, 65535)
+    renewal_bytes: int = _field(24, "B", "D", "lease renewal", 1, 65535)
+    reply_bytes: int = _field(64, "B", "D", "resource report and task tip", 1, 65535)
+    telemetry_period: float = _field(5.0, "s", "D", "telemetry falls due this often", 1, 3600)
+    forest_decay: float = _field(73.0, "m", "D", "l_f: abstract links lose exp(-metres/l_f) in forest", 0.01, 1e9)
+    mountain_decay: float = _field(10.0, "m", "D", "l_m: the same inside mountains", 0.01, 1e9)
+
+
+@dataclass(frozen=True)
+class DecisionRules:
+    """When actors decide, and the shared mechanisms."""
+
+    robot_period: int = _field(10, "s", "D", "a robot decides at least this often", 1, 3600)
+    operator_period: int = _field(5, "s", "D", "an operator decides at least this often", 1, 3600)
+    initial_phase: float = _field(0.10, "of the limit", "D", "longest prescribed first target", 0, 1)
+    refusal: float = _field(20.0, "s", "D", "a task refused by the resolver is masked this long", 1, 3600)
+
+
+@dataclass(frozen=True)
+class RewardRules:
+    """Costs of the team reward (paper, eq. 4)."""
+
+    pending: float = _field(0.01, "1/s", "P", "times the pending share of V0", 0, 1)
+    switch_cost: float = _field(0.02, "", "D", "a non-exempt change of the controlled robot", 0, 10)
+    incompatible_cost: float = _field(0.02, "", "D", "arriving at an incompatible task", 0, 10)
+    conflict_cost: float = _field(0.01, "", "D", "commanding a robot that another operator holds", 0, 10)
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """One mission class. Build variants with `load_scenario` or `dataclasses.replace`.
+
+    Raises:
+      ValueError: a field is impossible; the message names it.
+    """
+
+    name: str = _field("medium", "", "P", "base it came from")
+    map_side: float = _field(1000.0, "m", "P", "side of the square map", 50, 1e5)
+    n_tasks: int = _field(56, "count", "P", "tasks of all releases", 1, 1024)
+    time_limit: int = _field(1200, "s", "P", "mission duration", 1, 86400)
+    n_uav: int = _field(4, "count", "P", "aerial robots", 0, 64)
+    n_ugv: int = _field(4, "count", "P", "ground robots", 0, 64)
+    n_operators: int = _field(3, "count", "P", "human operators", 0, 24)
+    world: WorldRules = WorldRules()
+    robots: RobotRules = RobotRules()
+    tasks: TaskRules = TaskRules()
+    operators: OperatorRules = OperatorRules()
+    communication: CommunicationRules = CommunicationRules()
+    decisions: DecisionRules = DecisionRules()
+    reward: RewardRules = RewardRules()
+
+    def __post_init__(self):
+        _check(self, "")
+        if not 1 <= self.n_robots <= 64:
+            raise ValueError(f"n_uav + n_ugv must lie in 1..64, is {self.n_robots}")
+        shares = self.tasks.type_shares
+        if not math.isclose(sum(shares), 1.0, abs_tol=1e-6):
+            raise ValueError(f"tasks.type_shares must sum to 1, sums to {sum(shares):g}")
+
+    @property
+    def n_robots(self) -> int:
+        return self.n_uav + self.n_ugv
+
+    @property
+    def robot_names(self) -> list[str]:
+        """UAVs first, as everywhere: uav0, uav1, …, ugv0, …"""
+        return [f"uav{i}" for i in range(self.n_uav)] + [f"ugv{i}" for i in range(self.n_ugv)]
+
+
+RANGES = {
+    ("world", "canopy_height"),
+    ("world", "mountain_height"),
+    ("tasks", "difficulty"),
+    ("tasks", "deadline"),
+    ("tasks", "decay"),
+    ("operators", "capacity"),
+    ("communication", "late_delay"),
+}
+
+
+def _check(rules, prefix):
+    """Every value of a dataclass has its field's type and lies in its field's bounds."""
+    for field in dataclasses.fields(rules):
+        value, name = getattr(rules, field.name), f"{prefix}{field.name}"
+        if dataclasses.is_dataclass(value):
+            _check(value, f"{name}.")
+        elif field.metadata:
+            _check_value(name, value, field)
+            if (prefix.rstrip("."), field.name) in RANGES and value[0] > value[1]:
+                raise ValueError(f"{name}: the lower end {value[0]} is above the upper end {value[1]}")
+
+
+def _check_value(name, value, field):
+    default = field.default
+    if isinstance(default, str):
+        if not isinstance(value, str):
+            raise ValueError(f"{name} must be a string, is {value!r}")
+        return
+    fixed_length = isinstance(default, tuple) and name != "tasks.values"
+    if isinstance(default, tuple) and not isinstance(value, tuple):
+        raise ValueError(f"{name} must be a list of {len(default)} numbers, is {value!r}")
+    if fixed_length and len(value) != len(default):
+        raise ValueError(f"{name} must hold {len(default)} numbers, holds {len(value)}")
+    items = value if isinstance(value, tuple) else (value,)
+    kind = default[0] if isinstance(default, tuple) else default
+    if not items:
+        raise ValueError(f"{name} must not be empty")
+    for item in items:
+        whole = isinstance(item, int) and not isinstance(item, bool)
+        if not whole and (isinstance(kind, int) or not isinstance(item, float)):
+            raise ValueError(f"{name} must be {'a whole number' if isinstance(kind, int) else 'a number'}, is {item!r}")
+        low, high = field.metadata["low"], field.metadata["high"]
+        if not math.isfinite(item) or not low <= item <= high:
+            raise ValueError(f"{name} must lie in {low:g}..{high:g}, is {item!r}")
+
+
+def _scale(name, side, tasks, limit, uav, ugv, operators, forests, mountains, **tables):
+    world = WorldRules(n_forests=forests, n_mountains=mountains)
+    return Scenario(name, side, tasks, limit, uav, ugv, operators, world=world, **tables)
+
+
+SCENARIOS = {
+    "small": _scale("small", 500.0, 22, 600, 2, 2, 2, forests=4, mountains=2),
+    "medium": _scale("medium", 1000.0, 56, 1200, 4, 4, 3, forests=7, mountains=3),
+    "large": _scale("large", 2000.0, 112, 2400, 8, 8, 6, forests=10, mountains=5),
+}
+
+
+def load_scenario(name) -> Scenario:
+    """A named scenario, a TOML file that overrides one, or a `Scenario` itself.
+
+    Raises:
+      ValueError: unknown name, unreadable file, unknown or impossible field; the message names it.
+    """
+    if isinstance(name, Scenario):
+        return name
+    if name in SCENARIOS:
+        return SCENARIOS[name]
+    if not str(name).endswith(".toml"):
+        raise ValueError(f"unknown scenario {str(name)!r}: use {', '.join(SCENARIOS)} or a .toml file")
+    try:
+        table = tomllib.loads(Path(name).read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise ValueError(f"scenario file {name}: {error}") from None
+    try:
+        return from_dict(table)
+    except ValueError as error:
+        raise ValueError(f"scenario file {name}: {error}") from None
+
+
+def from_dict(table: dict) -> Scenario:
+    """The scenario that a (TOML or JSON) table describes: `base`, then overrides field by field."""
+    table = dict(table)
+    base = table.pop("base", "medium")
+    if not isinstance(base, str) or base not in SCENARIOS:
+        raise ValueError(f"base must be one of {', '.join(SCENARIOS)}, is {base!r}")
+    return _override(SCENARIOS[base], table, "")
+
+
+def _override(rules, table, prefix):
+    known = {field.name for field in dataclasses.fields(rules)}
+    changes = {}
+    for key, value in table.items():
+        if key not in known:
+            raise ValueError(f"unknown field {prefix}{key}")
+        current = getattr(rules, key)
+        if dataclasses.is_dataclass(current):
+            if not isinstance(value, dict):
+                raise ValueError(f"{prefix}{key} must be a table")
+            value = _override(current, value, f"{prefix}{key}.")
+        elif isinstance(value, list):
+            value = tuple(value)
+        changes[key] = value
+    return dataclasses.replace(rules, **changes)
+
+
+def to_json(scenario: Scenario) -> str:
+    """All fields as JSON; `from_json` gives the equal scenario back."""
+    return json.dumps(dataclasses.asdict(scenario))
+
+
+def from_json(text: str) -> Scenario:
+    """The scenario that `to_json` wrote."""
+    return _override(SCENARIOS["medium"], json.loads(text), "")
+
+
+def describe(scenario: Scenario):
+    """Yield (field, value, unit, mark, doc) for every field."""
+
+    def walk(rules, prefix):
+        for field in dataclasses.fields(rules):
+            value = getattr(rules, field.name)
+            if dataclasses.is_dataclass(value):
+                yield from walk(value, f"{prefix}{field.name}.")
+            else:
+                m = field.metadata
+                yield f"{prefix}{field.name}", value, m["unit"], m["mark"], m["doc"]
+
+    return walk(scenario, "")
