@@ -64,7 +64,7 @@ class Fate(IntEnum):
     DELIVERED = 1
     OUT_OF_RANGE = 2
     TERRAIN = 3  # lost, and would have arrived over clear ground
-    LOST = 4  # lost by the limitation level alone
+    LOST = 4  # lost by the limitation level alone, or to a receiver that failed
     NO_TOKENS = 5  # displaced or superseded while it waited for tokens
     EXPIRED = 6  # its time to live ran out in a queue
 

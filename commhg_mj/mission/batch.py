@@ -1,0 +1,188 @@
+"""A batch of missions behind one interface: reset, step to the next decision epochs, scores.
+
+Every API of the package and training go through this class and its kernels.
+"""
+
+import numpy as np
+
+from ..kernels import kernel
+from ..models.world import World, make_world
+from ..radio import find_link_model
+from ..scenarios import LIMITATIONS, Scenario, load_scenario
+from ..terms import IDLE, KEEP, NOBODY, REST, Activity
+from .decide import ILLEGAL, Decisions, apply_decisions, find_illegal
+from .draw import draw_mission, initialize
+from .log import new_log
+from .observe import Observations, new_observations, observe_operator, observe_robot
+from .score import Score, score_missions
+from .state import State, new_state, rules_record
+from .tick import advance
+from .view import stack_ground, view
+
+
+@kernel
+def advance_all(state, rules, ground, log, active, due):
+    """Advance active missions until somebody in each is due; counts due robots and operators in `due` [2]."""
+    for e in range(state.missions.shape[0]):
+        if not active[e] or state.missions[e].over:
+            continue
+        m = view(state, rules, ground, log, e)
+        advance(m)
+        if not m.info[0].over:
+            for r in range(m.robots.shape[0]):
+                due[0] += m.robots[r].due
+            for h in range(m.operators.shape[0]):
+                due[1] += m.operators[h].due
+
+
+@kernel
+def observe_due(state, rules, ground, log, active, seen):
+    """Fill the observations of all due actors of the active missions."""
+    i, k = 0, 0
+    for e in range(state.missions.shape[0]):
+        if not active[e] or state.missions[e].over:
+            continue
+        m = view(state, rules, ground, log, e)
+        for r in range(m.robots.shape[0]):
+            if m.robots[r].due:
+                seen.robots[i].mission = e
+                observe_robot(m, r, seen.robots[i], seen.robot_tasks[i], seen.robot_peers[i], seen.robot_operators[i])
+                i += 1
+        for h in range(m.operators.shape[0]):
+            if m.operators[h].due:
+                seen.operators[k].mission = e
+                observe_operator(m, h, seen.operators[k], seen.operator_reports[k])
+                k += 1
+
+
+class MissionBatch:
+    """Missions of one scenario side by side, one a seed.
+
+    >>> batch = MissionBatch("small", seeds=range(8))
+    >>> observations = batch.reset()
+    >>> while not batch.over.all():
+    ...     observations = batch.step(policy(observations))
+    >>> [score.twcr for score in batch.scores()]
+
+    Args:
+      scenario: name, TOML file or `Scenario`.
+      seeds: one non-negative integer a mission; a seed fixes world, tasks, hazards and packet fates.
+      links: a link model's name.
+      limitation: "nominal", "low" or "high".
+      record: keep what a trace needs (`commhg_mj.mission.trace`).
+
+    Raises:
+      ValueError: an argument is impossible; the message names it.
+    """
+
+    def __init__(self, scenario, seeds, links="abstract", limitation="nominal", record=False):
+        self.scenario: Scenario = load_scenario(scenario)
+        self.seeds = [_check_seed(seed) for seed in seeds]
+        if not self.seeds:
+            raise ValueError("seeds: at least one mission is needed")
+        if limitation not in LIMITATIONS:
+            raise ValueError(f"unknown limitation {limitation!r}: use {', '.join(LIMITATIONS)}")
+        self.links, self.limitation, self.record = links, limitation, record
+        self.rules = rules_record(self.scenario, find_link_model(links), LIMITATIONS.index(limitation))
+        self.worlds: list[World] = [make_world(self.scenario, seed) for seed in self.seeds]
+        self._ground = stack_ground(self.worlds)
+        self.reset()
+
+    def reset(self) -> Observations:
+        """Back to t = 0 of the same missions; everybody is due."""
+        n = len(self.seeds)
+        self.state: State = new_state(n, self.scenario)
+        self.log = new_log(n, self.scenario, self.record)
+        for e, world in enumerate(self.worlds):
+            draw_mission(self.state, e, world)
+        initialize(self.state, self.rules, self._ground, self.log)
+        self.rewards = np.zeros((n, 2))
+        return self._advance(np.ones(n, bool))
+
+    def step(self, decisions: Decisions, missions=None) -> Observations:
+        """Let the decisions take effect and advance to the next decision epochs.
+
+        Args:
+          decisions: one choice for each row of the last observations.
+          missions: [E] bool, those that go on (default: all); the others keep their last observations.
+
+        Returns:
+          The observations of everybody who is due; no rows for missions that are over.
+
+        Raises:
+          ValueError: a decision is of the wrong shape or masked; nothing has changed then.
+        """
+        decisions = self._check(decisions)
+        before = self.state.missions["reward"].copy()
+        seen = self.observations
+        apply_decisions(self.state, self.rules, self._ground, self.log, seen.robots, seen.operators, decisions)
+        observations = self._advance(np.ones(len(self.seeds), bool))
+        self.rewards = self.state.missions["reward"] - before
+        return observations
+
+    def _advance(self, active) -> Observations:
+        due = np.zeros(2, np.int64)
+        advance_all(self.state, self.rules, self._ground, self.log, active, due)
+        self.observations = new_observations(due[0], due[1], self.scenario)
+        observe_due(self.state, self.rules, self._ground, self.log, active, self.observations)
+        return self.observations
+
+    def _check(self, decisions) -> Decisions:
+        n, k = len(self.observations.robots), len(self.observations.operators)
+        wanted = {"task": (n, np.int32), "broadcast": (n, np.bool_), "query": (n, np.int32), "assist": (n, np.bool_)}
+        wanted["operator"] = (k, np.int32)
+        arrays = []
+        for name, (length, dtype) in wanted.items():
+            values = np.asarray(getattr(decisions, name))
+            if values.shape != (length,):
+                raise ValueError(f"decisions.{name} must have shape ({length},), has {values.shape}")
+            if not np.can_cast(values.dtype, dtype, "same_kind"):
+                raise ValueError(f"decisions.{name} must be of type {np.dtype(dtype).name}, is {values.dtype}")
+            arrays.append(np.ascontiguousarray(values, dtype))
+        checked = Decisions(*arrays)
+        row, rule = find_illegal(self.observations, checked)
+        if row >= 0:
+            raise ValueError(self._explain(checked, row, rule))
+        return checked
+
+    def _explain(self, decisions, row, rule):
+        if rule < 9:
+            actor = self.observations.robots[row]
+            name = self.scenario.robot_names[actor["robot"]]
+            chosen = f"task {decisions.task[row]}, query {decisions.query[row]}"
+        else:
+            actor = self.observations.operators[row]
+            name, chosen = f"operator{actor['operator']}", f"choice {decisions.operator[row]}"
+        return f"{name} of mission {actor['mission']} at {actor['time']:.0f} s: {ILLEGAL[rule]} ({chosen})"
+
+    @property
+    def over(self) -> np.ndarray:
+        """[E] bool: missions that have ended."""
+        return self.state.missions["over"].astype(bool)
+
+    @property
+    def time(self) -> np.ndarray:
+        """[E] seconds since each mission's start."""
+        return self.state.missions["now"].copy()
+
+    def scores(self) -> list[Score]:
+        """How each mission went so far."""
+        return score_missions(self.state, self.scenario)
+
+
+def stay(observations: Observations) -> Decisions:
+    """Nobody changes anything and nobody speaks: a start for decisions of one's own."""
+    n, k = len(observations.robots), len(observations.operators)
+    return Decisions(
+        task=np.where(observations.robots["can_keep"], KEEP, IDLE).astype(np.int32),
+        broadcast=np.zeros(n, bool),
+        query=np.full(n, NOBODY, np.int32),
+        assist=np.zeros(n, bool),
+        operator=np.where(observations.operators["can_keep"], KEEP, REST).astype(np.int32),
+    )
+
+
+def _check_seed(seed) -> int:
+    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or not 0 <= seed < 2**63:
+        raise ValueError(f"seed must be a whole number in 0..2^63 - 1, is {seed!r}")
+    return int(seed)

@@ -1,0 +1,194 @@
+"""Observations: what due actors can know, and the masks that follow from it (benchmark, section 10).
+
+Own state, own resources, public attributes of released tasks, sensed tasks and records; nothing else.
+Unknown records have age UNKNOWN and zeros.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..kernels import kernel
+from ..models.routes import best_start, find_visible, is_clear
+from ..terms import NOBODY, Activity, Embodiment, Kind, Mode, Session
+from .records import believed_type, is_compatible, is_ruled_out
+from .state import record
+
+UNKNOWN = -1.0
+FAILED, UGV, CONTROLLED = int(Activity.FAILED), int(Embodiment.UGV), int(Mode.CONTROLLED)
+RESTING, HELD = int(Session.REST), int(Session.HELD)
+REQUEST = int(Kind.REQUEST)
+
+ROBOT_SEES = record(  # itself; times in s, bytes in B
+    mission="i4", robot="i4", time="f4", embodiment="i1", activity="i1", mode="i1", controller="i1", x="f4", y="f4", speed="f4",
+    task="i4", progress="f4", lease_left="f4", handover_left="f4", tokens="f4", since_broadcast="f4", since_request="f4",
+    query_waits="i1", request_waits="i1", prescribed="i1", can_keep="i1", can_idle="i1", can_broadcast="i1", can_assist="i1",
+)  # fmt: skip
+TASK_SEEN = record(  # by a robot; distance in m (ground robots: route), claimed_by the peer reported on its way there
+    legal="i1", released="i1", type="i1", status="i1", refused="i1", claimed_by="i2", x="f4", y="f4", distance="f4",
+    difficulty="f4", value="f4", deadline="f4", decay="f4", progress="f4", age="f4", claim_age="f4",
+)  # fmt: skip
+PEER_SEEN = record(  # by a robot: a peer's own report
+    age="f4", x="f4", y="f4", task="i4", activity="i1", mode="i1", controller="i1", embodiment="i1",
+)  # fmt: skip
+OPERATOR_SEEN = record(  # by a robot: an operator's resource report
+    legal="i1", session="i1", fatigue_class="i1", age="f4", tokens="f4", queue="i4", robot="i4",
+)  # fmt: skip
+OPERATOR_SEES = record(  # itself
+    mission="i4", operator="i4", time="f4", proficiency=("f4", (2,)), capacity="f4", fatigue="f4", session="i1", robot="i4",
+    lease_left="f4", since_bid="f4", tokens="f4", exempt="i1", can_keep="i1",
+)  # fmt: skip
+REPORT_SEEN = record(  # by an operator: a robot's report, and the public attributes of the task that it names
+    legal="i1", embodiment="i1", activity="i1", mode="i1", controller="i1", age="f4", x="f4", y="f4", task="i4", progress="f4",
+    request_age="f4", difficulty="f4", value="f4", deadline="f4", decay="f4", distance="f4",
+)  # fmt: skip
+
+
+class Observations(NamedTuple):
+    """Rows of the actors that are due, over all missions of the batch, in the order of mission and index."""
+
+    robots: np.ndarray  # [robots due] ROBOT_SEES
+    robot_tasks: np.ndarray  # [robots due, T] TASK_SEEN
+    robot_peers: np.ndarray  # [robots due, R] PEER_SEEN
+    robot_operators: np.ndarray  # [robots due, H] OPERATOR_SEEN
+    operators: np.ndarray  # [operators due] OPERATOR_SEES
+    operator_reports: np.ndarray  # [operators due, R] REPORT_SEEN
+
+
+def new_observations(n_robots_due: int, n_operators_due: int, scenario) -> Observations:
+    """Room for that many due actors."""
+    n, k = n_robots_due, n_operators_due
+    return Observations(
+        np.zeros(n, ROBOT_SEES),
+        np.empty((n, scenario.n_tasks), TASK_SEEN),
+        np.empty((n, scenario.n_robots), PEER_SEEN),
+        np.empty((n, scenario.n_operators), OPERATOR_SEEN),
+        np.zeros(k, OPERATOR_SEES),
+        np.empty((k, scenario.n_robots), REPORT_SEEN),
+    )
+
+
+@kernel
+def age(now, time):
+    """Seconds since the evidence was true, or UNKNOWN."""
+    return now - time if time >= 0.0 else UNKNOWN
+
+
+@kernel
+def observe_robot(m, r, seen, tasks, peers, operators):
+    """Everything that robot r can know."""
+    robot, now = m.robots[r], m.info[0].now
+    seen.robot = r
+    seen.time = now
+    seen.embodiment, seen.activity, seen.mode, seen.controller = robot.embodiment, robot.activity, robot.mode, robot.controller
+    seen.x, seen.y, seen.task, seen.tokens = robot.x, robot.y, robot.task, robot.tokens
+    seen.speed = m.rules[0].speed[1 if robot.mode == CONTROLLED else 0, robot.embodiment]
+    seen.progress = m.beliefs[r, robot.task].progress if robot.task != NOBODY else 0.0
+    seen.lease_left = robot.lease_until - now if robot.controller != NOBODY else 0.0
+    seen.handover_left = max(0.0, robot.handover_until - now) if robot.controller != NOBODY else 0.0
+    seen.since_broadcast = now - robot.last_broadcast
+    seen.since_request = age(now, robot.last_request)
+    seen.query_waits = m.uplinks[r, 0].since >= 0.0
+    seen.request_waits = m.uplinks[r, 1].since >= 0.0
+    seen.prescribed = robot.prescribed
+    seen.can_keep = robot.task != NOBODY and not is_ruled_out(m, r, robot.task)
+    seen.can_idle = not (robot.prescribed and seen.can_keep)
+    seen.can_broadcast = now > robot.last_broadcast and m.robots.shape[0] > 1
+    seen.can_assist = (
+        robot.task != NOBODY
+        and robot.controller == NOBODY
+        and not seen.request_waits
+        and m.operators.shape[0] > 0
+        and robot.tokens >= m.rules[0].message_bytes[REQUEST]
+    )
+    observe_tasks(m, r, not seen.can_idle, tasks)
+    observe_peers(m, r, tasks, peers)
+    for h in range(m.operators.shape[0]):
+        report, row = m.resources[r, h], operators[h]
+        row.legal = not seen.query_waits
+        row.age = age(now, report.time)
+        row.session, row.robot, row.fatigue_class = report.session, report.robot, report.fatigue_class
+        row.tokens, row.queue = report.tokens, report.queue
+
+
+@kernel
+def observe_tasks(m, r, is_prescribed, rows):
+    """Public attributes, robot r's belief, the way there and the mask, task by task."""
+    robot, ground, now = m.robots[r], m.ground, m.info[0].now
+    n_seen = -1  # corners that robot r sees: looked up when the first task needs them
+    for j in range(m.tasks.shape[0]):
+        task, belief, row = m.tasks[j], m.beliefs[r, j], rows[j]
+        row.claimed_by, row.claim_age = NOBODY, UNKNOWN
+        row.released = task.released
+        row.legal = 0
+        row.age = age(now, belief.time)
+        row.refused = belief.refused_until > now
+        if not task.released:
+            hide_task(row)
+            continue
+        row.type = believed_type(m, r, j)
+        row.status = belief.status if belief.time >= 0.0 else 0
+        row.progress = belief.progress if belief.time >= 0.0 else 0.0
+        row.x, row.y = task.x, task.y
+        row.difficulty, row.value, row.deadline, row.decay = task.difficulty, task.value, task.deadline, task.decay
+        row.distance = np.hypot(task.x - robot.x, task.y - robot.y)
+        if is_ruled_out(m, r, j):
+            continue
+        row.legal = j != robot.task and not row.refused and not is_prescribed
+        if robot.embodiment == UGV and not is_clear(ground.route_frames, robot.x, robot.y, task.x, task.y):
+            if n_seen < 0:
+                n_seen = find_visible(
+                    ground.route_frames, ground.corners, robot.x, robot.y, ground.seen, ground.seen_distance
+                )
+            row.distance = best_start(ground.to_goal, j, ground.seen, ground.seen_distance, n_seen)[0]
+
+
+@kernel
+def hide_task(row):
+    """A task that is not announced yet shows nothing."""
+    row.type, row.status, row.progress, row.x, row.y, row.distance = 0, 0, 0.0, 0.0, 0.0, 0.0
+    row.difficulty, row.value, row.deadline, row.decay = 0.0, 0.0, 0.0, 0.0
+
+
+@kernel
+def observe_peers(m, r, tasks, rows):
+    """Cached reports of the other robots; a fresh claim of a task is noted beside the task."""
+    now = m.info[0].now
+    for other in range(m.robots.shape[0]):
+        peer, row = m.peers[r, other], rows[other]
+        row.age = age(now, peer.time)
+        row.embodiment = m.robots[other].embodiment
+        row.x, row.y, row.task = peer.x, peer.y, peer.task
+        row.activity, row.mode, row.controller = peer.activity, peer.mode, peer.controller
+        if peer.time >= 0.0 and peer.task != NOBODY:
+            claimed = tasks[peer.task]
+            if claimed.claimed_by == NOBODY or row.age < claimed.claim_age:
+                claimed.claimed_by, claimed.claim_age = other, row.age
+
+
+@kernel
+def observe_operator(m, h, seen, rows):
+    """Everything that operator h can know: itself, its session, and the station's reports."""
+    operator, now = m.operators[h], m.info[0].now
+    station = m.robots.shape[0]
+    seen.operator = h
+    seen.time = now
+    seen.proficiency[0], seen.proficiency[1] = operator.proficiency[0], operator.proficiency[1]
+    seen.capacity, seen.fatigue, seen.tokens = operator.capacity, operator.fatigue, operator.tokens
+    seen.session, seen.robot, seen.exempt = operator.session, operator.robot, operator.exempt
+    seen.lease_left = m.robots[operator.robot].lease_until - now if operator.session == HELD else 0.0
+    seen.since_bid = age(now, operator.bid_at) if operator.session != RESTING else UNKNOWN
+    seen.can_keep = operator.session != RESTING
+    for r in range(m.robots.shape[0]):
+        report, row = m.peers[station, r], rows[r]
+        row.legal = r != operator.robot and not (report.time >= 0.0 and report.activity == FAILED)
+        row.embodiment = m.robots[r].embodiment
+        row.age = age(now, report.time)
+        row.activity, row.mode, row.controller = report.activity, report.mode, report.controller
+        row.x, row.y, row.task, row.progress = report.x, report.y, report.task, report.progress
+        row.request_age = age(now, report.request_time)
+        row.difficulty, row.value, row.deadline, row.decay, row.distance = 0.0, 0.0, 0.0, 0.0, 0.0
+        if report.task != NOBODY:
+            task = m.tasks[report.task]
+            row.difficulty, row.value, row.deadline, row.decay = task.difficulty, task.value, task.deadline, task.decay
+            row.distance = np.hypot(task.x - report.x, task.y - report.y)

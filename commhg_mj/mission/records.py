@@ -1,0 +1,136 @@
+"""Records: what delivery and sensing do to what somebody knows (paper, section III-A).
+
+Newer evidence replaces older, relaying refreshes nothing, completion is terminal.
+"""
+
+from ..kernels import kernel
+from ..terms import Embodiment, Status, TaskType
+from .state import NEVER
+
+DONE = int(Status.DONE)
+UAV, UGV = int(Embodiment.UAV), int(Embodiment.UGV)
+UAV_ONLY, UGV_ONLY = int(TaskType.UAV_ONLY), int(TaskType.UGV_ONLY)
+
+
+@kernel
+def is_compatible(embodiment, task_type):
+    """Whether a robot of this embodiment may service a task of this type."""
+    if embodiment == UAV:
+        return task_type != UGV_ONLY
+    return task_type != UAV_ONLY
+
+
+@kernel
+def believed_type(m, receiver, task):
+    """The type by the receiver's evidence, or the announced one."""
+    belief = m.beliefs[receiver, task]
+    return belief.type if belief.time >= 0.0 else m.tasks[task].announced
+
+
+@kernel
+def is_ruled_out(m, robot, task):
+    """Whether the robot's own evidence says that it cannot service the task any more."""
+    belief = m.beliefs[robot, task]
+    known_done = belief.time >= 0.0 and belief.status == DONE
+    return known_done or not is_compatible(m.robots[robot].embodiment, believed_type(m, robot, task))
+
+
+@kernel
+def learn_task(m, receiver, task, task_type, status, progress, time, sensed):
+    """Merge one piece of task evidence; a robot whose held task is contradicted becomes due."""
+    belief = m.beliefs[receiver, task]
+    known = belief.time >= 0.0
+    if (known and belief.status == DONE) or (time <= belief.time and status != DONE):
+        return
+    belief.time = time
+    belief.type = task_type
+    belief.status = status
+    belief.progress = progress
+    belief.sensed = sensed
+    if receiver < m.robots.shape[0] and m.robots[receiver].task == task and is_ruled_out(m, receiver, task):
+        m.robots[receiver].due = 1
+
+
+@kernel
+def write_peer(m, record, r, time):
+    """Fill a record with robot r's true state, as it reports it itself."""
+    robot = m.robots[r]
+    record.time = time
+    record.x = robot.x
+    record.y = robot.y
+    record.activity = robot.activity
+    record.mode = robot.mode
+    record.controller = robot.controller
+    record.task = robot.task
+    record.progress = m.tasks[robot.task].progress if robot.task >= 0 else 0.0
+    record.request_time = robot.last_request
+
+
+@kernel
+def learn_peer(m, receiver, r, record):
+    """Merge a robot's report of itself; returns whether its task, activity or mode is news."""
+    held = m.peers[receiver, r]
+    if record.time <= held.time:
+        return False
+    inbox = m.inboxes[receiver]
+    if held.time < 0.0:
+        inbox.known += 1
+        inbox.time_sum += record.time
+    else:
+        inbox.time_sum += record.time - held.time
+    news = held.task != record.task or held.activity != record.activity or held.mode != record.mode
+    m.peers[receiver, r] = record
+    return news
+
+
+@kernel
+def age_records(m, now):
+    """Add this second's ages of the robot records at every living receiver (age of information)."""
+    n_robots = m.robots.shape[0]
+    for receiver in range(n_robots + 1):
+        if receiver == n_robots or m.robots[receiver].failed_at == NEVER:
+            inbox = m.inboxes[receiver]
+            inbox.age_sum += inbox.known * now - inbox.time_sum
+            inbox.samples += inbox.known
+
+
+@kernel
+def sense(m, r, now):
+    """Robot r sees the true state of every released task within its radius."""
+    robot = m.robots[r]
+    x, y = robot.x, robot.y
+    radius2 = m.rules[0].sensing_radius ** 2
+    for j in range(m.tasks.shape[0]):
+        task = m.tasks[j]
+        dx, dy = task.x - x, task.y - y
+        if dx * dx + dy * dy <= radius2 or (j == robot.task and dx == 0.0 and dy == 0.0):
+            if task.released:
+                learn_task(m, r, j, task.type, task.status, task.progress, now, 1)
+
+
+@kernel
+def freshness(belief, task, own_task):
+    """Evidence time; the sender's own task goes before others of the same second."""
+    return belief.time + (0.5 if task == own_task else 0.0)
+
+
+@kernel
+def freshest(m, r, only_sensed, limit, message):
+    """Copy robot r's `limit` freshest task records into a message, newest first."""
+    own, count = m.robots[r].task, 0
+    for j in range(m.tasks.shape[0]):
+        belief = m.beliefs[r, j]
+        if belief.time < 0.0 or (only_sensed and not belief.sensed) or limit == 0:
+            continue
+        rank = freshness(belief, j, own)
+        if count == limit and rank <= freshness(message.belief[count - 1], message.task[count - 1], own):
+            continue
+        k = count if count < limit else limit - 1
+        while k > 0 and freshness(message.belief[k - 1], message.task[k - 1], own) < rank:
+            message.belief[k] = message.belief[k - 1]
+            message.task[k] = message.task[k - 1]
+            k -= 1
+        message.belief[k] = belief
+        message.task[k] = j
+        count = min(count + 1, limit)
+    message.records = count

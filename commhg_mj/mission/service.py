@@ -1,0 +1,165 @@
+"""Robots at work: travel, arrival, service and its outcome (benchmark, sections 3 and 4)."""
+
+import numpy as np
+
+from ..kernels import kernel
+from ..models.routes import DIRECT, best_start, find_visible, is_clear
+from ..terms import NOBODY, Activity, Embodiment, Mode, Status
+from .randomness import Event, uniform
+from .records import is_compatible
+
+UGV = int(Embodiment.UGV)
+IDLING, TRAVELLING, SERVICING = int(Activity.IDLE), int(Activity.TRAVELLING), int(Activity.SERVICING)
+CONTROLLED, HANDOVER = int(Mode.CONTROLLED), int(Mode.HANDOVER)
+OPEN, SERVICED, DONE = int(Status.OPEN), int(Status.SERVICED), int(Status.DONE)
+SERVICE = int(Event.SERVICE)
+
+
+@kernel
+def drop_task(m, r):
+    """Robot r gives up its task; its progress stays."""
+    robot = m.robots[r]
+    if robot.task == NOBODY:
+        return
+    task = m.tasks[robot.task]
+    task.owner = NOBODY
+    if robot.activity == SERVICING:
+        task.status = OPEN
+    robot.task = NOBODY
+    robot.activity = IDLING
+    robot.prescribed = 0
+
+
+@kernel
+def finish_task(m, r):
+    """Robot r has no use for its task any more: it idles and is due; its operator may switch freely."""
+    robot = m.robots[r]
+    drop_task(m, r)
+    robot.due = 1
+    if robot.controller != NOBODY:
+        m.operators[robot.controller].exempt = 1
+
+
+@kernel
+def take_task(m, r, j):
+    """Robot r owns task j and sets out for it."""
+    robot = m.robots[r]
+    robot.task = j
+    robot.activity = TRAVELLING
+    m.tasks[j].owner = r
+    plan_route(m, r)
+
+
+@kernel
+def plan_route(m, r):
+    """Aim at the task, for a ground robot over the first corner of its shortest route."""
+    robot, ground = m.robots[r], m.ground
+    task = m.tasks[robot.task]
+    robot.hop = DIRECT
+    robot.waypoint_x, robot.waypoint_y = task.x, task.y
+    if robot.embodiment != UGV or is_clear(ground.route_frames, robot.x, robot.y, task.x, task.y):
+        return
+    count = find_visible(ground.route_frames, ground.corners, robot.x, robot.y, ground.seen, ground.seen_distance)
+    _, corner = best_start(ground.to_goal, robot.task, ground.seen, ground.seen_distance, count)
+    aim_at_corner(m, robot, corner)
+
+
+@kernel
+def aim_at_corner(m, robot, corner):
+    """Make a corner of the route, or the goal behind the last one, the next waypoint."""
+    task = m.tasks[robot.task]
+    robot.hop = corner
+    if corner == DIRECT:
+        robot.waypoint_x, robot.waypoint_y = task.x, task.y
+    else:
+        robot.waypoint_x, robot.waypoint_y = m.ground.corners[corner, 0], m.ground.corners[corner, 1]
+
+
+@kernel
+def travel(m, r):
+    """One second on the way; service starts on arrival if the true type permits it."""
+    robot = m.robots[r]
+    left = m.rules[0].speed[1 if robot.mode == CONTROLLED else 0, robot.embodiment]
+    while True:
+        dx, dy = robot.waypoint_x - robot.x, robot.waypoint_y - robot.y
+        distance = np.hypot(dx, dy)
+        if distance > left:
+            robot.x += dx / distance * left
+            robot.y += dy / distance * left
+            return
+        left -= distance
+        robot.x, robot.y = robot.waypoint_x, robot.waypoint_y
+        if robot.hop == DIRECT:
+            break
+        aim_at_corner(m, robot, m.ground.next_hop[robot.task, robot.hop])
+    arrive(m, r)
+
+
+@kernel
+def arrive(m, r):
+    """At the POI: start service, or discover that there is none to give."""
+    robot, info = m.robots[r], m.info[0]
+    task = m.tasks[robot.task]
+    if not is_compatible(robot.embodiment, task.type):
+        info.incompatibles += 1
+        info.tick_reward[1] -= m.rules[0].incompatible_cost
+        finish_task(m, r)
+    elif task.status == DONE:
+        finish_task(m, r)
+    else:
+        robot.activity = SERVICING
+        task.status = SERVICED
+
+
+@kernel
+def service_time(rules, operator, embodiment, difficulty):
+    """Seconds that a task takes under control of `operator`."""
+    base = rules.service_base + rules.service_per_difficulty * difficulty
+    return base * operator.proficiency[embodiment] * (1.0 + rules.fatigue_slowdown * operator.fatigue)
+
+
+@kernel
+def serve(m, r, now):
+    """One second of service; at full progress the attempt succeeds or fails."""
+    robot, rules, info = m.robots[r], m.rules[0], m.info[0]
+    if robot.mode == HANDOVER:
+        return
+    task = m.tasks[robot.task]
+    if robot.mode == CONTROLLED:
+        operator = m.operators[robot.controller]
+        seconds = service_time(rules, operator, robot.embodiment, task.difficulty)
+        p = rules.success_controlled
+        success = p[0] - p[1] * task.difficulty - p[2] * operator.fatigue
+    else:
+        seconds = rules.service_base + rules.service_per_difficulty * task.difficulty
+        success = rules.success_autonomous[0] - rules.success_autonomous[1] * task.difficulty
+    task.progress = min(1.0, task.progress + 1.0 / seconds)
+    if task.progress < 1.0 - 1e-9:
+        return
+    if uniform(info.seed, SERVICE, now, r, robot.task) < success:
+        complete(m, r, now + 1)
+    else:
+        task.progress = 0.0
+        robot.prescribed = 0
+        robot.due = 1
+
+
+@kernel
+def complete(m, r, time):
+    """The task is done for good; its value counts, discounted when late (paper, eq. 4)."""
+    info = m.info[0]
+    j = m.robots[r].task
+    task = m.tasks[j]
+    finish_task(m, r)
+    task.progress = 1.0
+    task.status = DONE
+    task.done_at = time
+    task.done_by = r
+    info.pending_value -= task.value
+    info.tick_reward[0] += task.value * timeliness(task.deadline, task.decay, time) / info.total_value
+
+
+@kernel
+def timeliness(deadline, decay, time):
+    """Share of a task's value that completion at `time` realises (paper, eq. 6)."""
+    return np.exp(-max(0.0, time - deadline) / decay)

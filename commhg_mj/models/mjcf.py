@@ -1,0 +1,308 @@
+"""From a world to its MuJoCo model: geometry for rays, and everything the eye wants to see.
+
+Names: bodies `uav0`, …, `ugv0`, … (mocap; the order of mocap ids is `Scenario.robot_names`), `station`,
+`operator0`, …, `poi0`, …; parts of an attached asset are `<body>/<part>`, as in `uav0/rotor0`. A rotor is a child
+body with a hinge of the same name: set its qpos (rad) to spin it. A POI's geoms `poi0/disc`, `poi0/beam` and
+`poi0/marker` carry their colour in `geom_rgba`. Fixed cameras: `overview`, `station`, `map` (from far above).
+"""
+
+import os
+import zlib
+from enum import IntEnum
+from pathlib import Path
+
+import cv2
+import mujoco
+import numpy as np
+
+from ..terms import TaskType
+from . import meshes, textures
+from .world import World
+
+XML = Path(__file__).parent.parent / "xml"
+STREAM = 2  # separates the pictures' random stream from the world's
+TRUNK_SPACE = 2.0  # m below the canopy volumes: radios near the ground look under the crowns
+SHAPES = {TaskType.UAV_ONLY: "diamond", TaskType.UGV_ONLY: "cube", TaskType.GENERAL: "ball"}
+TYPE_COLOURS = {  # distinguishable with every kind of colour vision; robots wear the colours of their tasks
+    TaskType.UAV_ONLY: (0.16, 0.62, 1.00),
+    TaskType.UGV_ONLY: (1.00, 0.58, 0.05),
+    TaskType.GENERAL: (0.95, 0.42, 0.80),
+}
+BEAM_ALPHA = 0.35
+MAP_FOVY = 10  # degrees: so little that the map looks flat
+
+
+class Group(IntEnum):
+    """Geom groups, for `MjvOption.geomgroup` and the `geomgroup` of mj_ray."""
+
+    GROUND = 0
+    MOUNTAIN = 1  # one surface for rays and pictures
+    VISUAL = 2  # robots, station, operators, POIs, trees, far ground: never hit by radio rays
+    CANOPY = 4  # cylinders for rays only; pictures hide them. Opaque enough for mj_ray, which skips alpha 0
+
+
+def robot_body_name(scenario, robot: int) -> str:
+    """The mocap body of a robot; its mocap id is the robot's index, UAVs first."""
+    return scenario.robot_names[robot]
+
+
+def display_scale(side: float) -> float:
+    """Span [m] at which robots are drawn: on a 2 km map a real one would be smaller than a pixel."""
+    return round(max(1.0, side / 140), 1)
+
+
+def station_scale(world: World) -> float:
+    """Enlargement of the station's buildings; they stay below the mast, which has its true height."""
+    return round(float(np.clip(world.layout.side / 500, 1.0, max(1.0, world.scenario.world.mast_height / 4))), 1)
+
+
+def build_model(world: World, pictures: bool = True) -> mujoco.MjModel:
+    """The compiled `build_spec`."""
+    return build_spec(world, pictures).compile()
+
+
+def build_spec(world: World, pictures: bool = True) -> mujoco.MjSpec:
+    """The world as an editable MJCF specification.
+
+    Args:
+      world: what to build; the same world gives the same specification.
+      pictures: False leaves out what only the eye needs and keeps bodies, cameras and the geometry for rays.
+    """
+    spec = mujoco.MjSpec.from_file(str(XML / "scene.xml")) if pictures else mujoco.MjSpec()
+    spec.modelname = "commhg_mj"
+    spec.copy_during_attach = True  # one asset serves many robots
+    spec.option.gravity = [0, 0, 0]
+    side = world.layout.side
+    spec.stat.extent, spec.stat.center, spec.stat.meansize = side / 2, [side / 2, side / 2, 0], side / 500
+    _add_ground(spec, world, pictures)
+    _add_canopies(spec, world.layout)
+    _add_robots(spec, world, pictures)
+    _add_station(spec, world, pictures)
+    _add_pois(spec, world, pictures)
+    _add_cameras(spec, world)
+    if pictures:
+        _add_scenery(spec, world)
+    return spec
+
+
+def _geom(body, kind, group, **attributes):
+    """A geom that nothing collides with."""
+    kind = getattr(mujoco.mjtGeom, f"mjGEOM_{kind.upper()}")
+    return body.add_geom(type=kind, group=group, contype=0, conaffinity=0, **attributes)
+
+
+def _add_mesh(spec, name, mesh, smooth=False):
+    """A mesh asset. Most meshes here are open, hence no volume; MuJoCo counts v from the picture's top."""
+    asset = spec.add_mesh(
+        name=name,
+        uservert=mesh.vertices.ravel(),
+        userface=mesh.faces.ravel(),
+        usertexcoord=np.abs(mesh.uv - [0, 1]).ravel(),
+        userfacetexcoord=mesh.faces.ravel(),
+        inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
+    )
+    asset.smoothnormal = smooth
+
+
+def _add_ground(spec, world, pictures):
+    """The plain and the mountains upon it; both take their colour from the terrain texture."""
+    layout = world.layout
+    material = {"material": "terrain"} if pictures else {}
+    centre, half = [layout.side / 2, layout.side / 2, 0], meshes.TERRAIN_REACH * layout.side / 2
+    size = [half, half, half / 8]
+    _geom(spec.worldbody, "plane", Group.GROUND, name="ground", pos=centre, size=size, **material)
+    for i, (part, surface) in enumerate(zip(layout.mountains, layout.surfaces)):
+        name = f"mountain{i}"
+        _add_mesh(spec, name, meshes.mountain_mesh(part, surface, layout.side), smooth=True)
+        pos = [part["x"], part["y"], 0]
+        _geom(spec.worldbody, "mesh", Group.MOUNTAIN, name=name, meshname=name, pos=pos, **material)
+
+
+def _add_canopies(spec, layout):
+    """One cylinder a forest disc, from the trunk space to the canopy's top."""
+    for i, part in enumerate(layout.forests):
+        half = (part["height"] - TRUNK_SPACE) / 2
+        pos, size = [part["x"], part["y"], TRUNK_SPACE + half], [part["a"], half, 0]
+        rgba = [0.2, 0.6, 0.2, 0.3]
+        _geom(spec.worldbody, "cylinder", Group.CANOPY, name=f"canopy{i}", pos=pos, size=size, rgba=rgba)
+
+
+def _attach(spec, parent, asset, name, pos, scale):
+    """Attach the body `base` of a loaded asset, enlarged by `scale`, under its new name."""
+    spec.attach(asset, prefix=f"{name}/", frame=parent.add_frame(pos=pos, scale=scale))
+    body = spec.body(f"{name}/base")
+    body.name = name
+    return body
+
+
+def _load(name):
+    return mujoco.MjSpec.from_file(str(XML / f"{name}.xml"))
+
+
+def _add_robots(spec, world, pictures):
+    """Mocap bodies at the starting places, UAVs at flight height."""
+    scenario = world.scenario
+    assets = {"uav": _load("uav"), "ugv": _load("ugv")} if pictures else {}
+    heights = [scenario.world.uav_height] * scenario.n_uav + [0.0] * scenario.n_ugv
+    for name, start, height in zip(scenario.robot_names, world.layout.starts, heights):
+        pos = [*start, height]
+        if pictures:
+            body = _attach(spec, spec.worldbody, assets[name[:3]], name, pos, display_scale(world.layout.side))
+        else:
+            body = spec.worldbody.add_body(name=name, pos=pos)
+        body.mocap = True
+
+
+def _add_station(spec, world, pictures):
+    """The station with its mast, and one figure per operator, drawn as large as their spacing allows."""
+    layout, scale = world.layout, station_scale(world)
+    places = [("station", [*layout.station, 0], scale, _load("station") if pictures else None)]
+    if len(layout.operators) > 1:
+        scale = round(min(scale, np.linalg.norm(layout.operators[1] - layout.operators[0]) / 2.0), 1)
+    asset = _load("operator") if pictures else None
+    places += [(f"operator{i}", [*place, 0], scale, asset) for i, place in enumerate(layout.operators)]
+    for name, pos, size, asset in places:
+        if pictures:
+            _attach(spec, spec.worldbody, asset, name, pos, size)
+        else:
+            spec.worldbody.add_body(name=name, pos=pos)
+    if pictures:
+        _attach(spec, spec.body("station"), _load("mast"), "mast", [0, 0, 0], world.scenario.world.mast_height / 15)
+
+
+def _add_pois(spec, world, pictures):
+    """A disc, a beam and a marker of the type's shape and colour at every POI, on the ground or the mountain."""
+    size = max(0.5, world.layout.side / 320)
+    if pictures:
+        _add_mesh(spec, "diamond", meshes.diamond_mesh(1.25 * size))
+    heights = np.round(world.layout.ground_height(world.pois), 2)
+    for i, (poi, height, poi_type) in enumerate(zip(world.pois, heights, world.poi_types)):
+        body = spec.worldbody.add_body(name=f"poi{i}", pos=[*poi, height])
+        if pictures:
+            _add_poi_geoms(body, f"poi{i}", round(size, 2), TaskType(poi_type))
+
+
+def _add_poi_geoms(body, name, size, poi_type):
+    colour = TYPE_COLOURS[poi_type]
+    top = 7 * size
+    style = {"rgba": [*colour, 1], "material": "poi"}
+    disc, beam = [1.3 * size, 0.04 * size, 0], [0.14 * size, top / 2, 0]
+    _geom(body, "cylinder", Group.VISUAL, name=f"{name}/disc", pos=[0, 0, 0.08 * size], size=disc, **style)
+    faint = {"rgba": [*colour, BEAM_ALPHA], "material": "beam"}
+    _geom(body, "cylinder", Group.VISUAL, name=f"{name}/beam", pos=[0, 0, top / 2], size=beam, **faint)
+    style |= {"name": f"{name}/marker", "pos": [0, 0, top]}
+    if SHAPES[poi_type] == "diamond":
+        _geom(body, "mesh", Group.VISUAL, meshname="diamond", **style)
+    elif SHAPES[poi_type] == "cube":
+        _geom(body, "box", Group.VISUAL, size=[0.8 * size] * 3, **style)
+    else:
+        _geom(body, "sphere", Group.VISUAL, size=[size, 0, 0], **style)
+
+
+def _add_scenery(spec, world):
+    """Textures, the far ground, the sky and the trees."""
+    layout = world.layout
+    rng = np.random.default_rng([world.seed, STREAM])
+    forest = meshes.plan_forest(layout, rng)
+    sun = spec.light("sun").dir
+    _add_texture(spec, "terrain", textures.terrain_image(layout, forest.trees(), sun, rng))
+    _add_texture(spec, "horizon", textures.horizon_image())
+    _add_texture(spec, "foliage", textures.foliage_image())
+    _add_texture(spec, "sky", textures.sky_image(rng), mujoco.mjtTexture.mjTEXTURE_SKYBOX)
+    _add_mesh(spec, "horizon", meshes.horizon_mesh(layout.side))
+    _geom(spec.worldbody, "mesh", Group.VISUAL, name="horizon", meshname="horizon", material="horizon")
+    _add_forest(spec, forest, rng)
+
+
+def _add_texture(spec, name, image, kind=mujoco.mjtTexture.mjTEXTURE_2D):
+    height, width, channels = image.shape
+    spec.add_texture(name=name, type=kind, height=height, width=width, nchannel=channels).data = image.tobytes()
+
+
+def _add_forest(spec, forest, rng):
+    """The clumps as meshes, then a tinted copy at every place, turned by quarters (exact in XML)."""
+    for i, trees in enumerate(forest.clumps):
+        _add_mesh(spec, f"trees{i}", meshes.clump_mesh(trees, rng))
+    half = 0.5**0.5
+    quats = [[1, 0, 0, 0], [half, 0, 0, half], [0, 0, 0, 1], [half, 0, 0, -half]]
+    for index, x, y, turns, tint in forest.places:
+        rgba = np.round([0.9 + 0.1 * tint, 0.92 - 0.06 * tint, 0.9 - 0.1 * tint, 1], 2)
+        mesh, quat = f"trees{int(index)}", quats[int(turns)]
+        style = {"meshname": mesh, "material": "foliage", "rgba": rgba}
+        _geom(spec.worldbody, "mesh", Group.VISUAL, pos=[x, y, 0], quat=quat, **style)
+
+
+def _add_cameras(spec, world):
+    """Fixed cameras, framed for pictures of 16:9."""
+    layout, side = world.layout, world.layout.side
+    middle, corners = np.full(3, [side / 2, side / 2, 0]), np.array([[x, y, 0] for x in (0, side) for y in (0, side)])
+    pitch, fovy = np.radians(27), 42
+    forward = np.array([0.16, np.cos(pitch), -np.sin(pitch)])
+    forward /= np.linalg.norm(forward)
+    right, up = _camera_axes(forward)
+    # As near as keeps every corner within the frame.
+    vertical = np.tan(np.radians(fovy / 2))
+    reach = np.array([vertical * 16 / 9 * 0.94, vertical * 0.88])
+    offset = corners - middle
+    distance = np.max(np.abs(offset @ np.stack([right, up], -1)) / reach - (offset @ forward)[:, None])
+    _add_camera(spec, "overview", middle - distance * forward, forward, fovy)
+    scale = station_scale(world)
+    eye = np.array([*layout.station, 0]) + scale * np.array([-17, -33, 14])
+    target = np.array([*layout.station, 0]) + scale * np.array([3, 10, 4.5])
+    _add_camera(spec, "station", eye, target - eye, 45)
+    far = 0.52 * side / np.tan(np.radians(MAP_FOVY / 2))
+    spec.worldbody.add_camera(name="map", pos=np.round(middle + [0, 0, far], 2), fovy=MAP_FOVY)
+
+
+def _camera_axes(forward):
+    """The right and up axes [3] of a level camera."""
+    right = np.cross(forward, [0, 0, 1])
+    right /= np.linalg.norm(right)
+    return right, np.cross(right, forward)
+
+
+def _add_camera(spec, name, eye, forward, fovy):
+    camera = spec.worldbody.add_camera(name=name, pos=np.round(eye, 2), fovy=fovy)
+    camera.alt.type = mujoco.mjtOrientation.mjORIENTATION_XYAXES
+    camera.alt.xyaxes = np.concatenate(_camera_axes(np.asarray(forward) / np.linalg.norm(forward)))
+
+
+def write_world(world: World, path) -> None:
+    """Write the world as XML with its textures in `<stem>_assets/` beside it, for any MuJoCo program.
+
+    Pictures have the checksum of their content in their name and the XML is replaced last, in one step: an
+    interrupted call leaves an earlier world intact.
+
+    Raises:
+      ValueError: `path` does not end in .xml or cannot be written; the message names it.
+    """
+    path = Path(path)
+    if path.suffix != ".xml":
+        raise ValueError(f"world file {path}: the name must end in .xml")
+    spec = build_spec(world)
+    assets = path.with_name(f"{path.stem}_assets")
+    try:
+        assets.mkdir(exist_ok=True)
+        kept = [_move_to_file(texture, assets) for texture in spec.textures]
+        spec.modelfiledir, spec.texturedir = str(path.parent), assets.name
+        _replace(path, spec.to_xml().encode())
+        for stale in set(assets.glob("*-????????.png")) - set(kept):
+            stale.unlink()
+    except OSError as error:
+        raise ValueError(f"world file {path}: {error.strerror}") from None
+
+
+def _move_to_file(texture, folder) -> Path:
+    """Turn a texture's buffer into a PNG in `folder`, named by its content."""
+    image = np.frombuffer(texture.data, np.uint8).reshape(texture.height, texture.width, 3)
+    path = folder / f"{texture.name}-{zlib.crc32(texture.data):08x}.png"
+    _replace(path, cv2.imencode(".png", cv2.cvtColor(image, cv2.COLOR_RGB2BGR))[1].tobytes())
+    texture.data, texture.file = b"", path.name
+    return path
+
+
+def _replace(path, content):
+    """Write a file in one step: readers see the old content or the new one."""
+    draft = path.with_name(f".{path.name}.{os.getpid()}")
+    draft.write_bytes(content)
+    draft.replace(path)

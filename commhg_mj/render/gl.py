@@ -1,0 +1,39 @@
+"""An OpenGL context without a display: EGL, or OSMesa where EGL does not work."""
+
+import importlib
+import os
+import sys
+
+PACKAGES = {"egl": "libegl1 libgl1-mesa-dri libopengl0", "osmesa": "libosmesa6"}
+
+
+def make_context(width: int, height: int):
+    """A current off-screen context. MUJOCO_GL=egl or osmesa allows that one alone.
+
+    Mesa's software rasteriser gets one thread, since pictures are rendered in parallel by process.
+
+    Raises:
+      RuntimeError: no backend works; the message names the packages that bring one.
+    """
+    os.environ.setdefault("LP_NUM_THREADS", "1")
+    wanted = os.environ.get("MUJOCO_GL", "").lower()
+    failures = []
+    for backend in [wanted] if wanted in PACKAGES else PACKAGES:
+        try:
+            context = _load(backend).GLContext(width, height)
+            context.make_current()
+            return context
+        # PyOpenGL reports a missing library by whatever happens to fail first.
+        except Exception as error:
+            failures.append(f"{backend}: {str(error).splitlines()[0] if str(error) else type(error).__name__}")
+    needs = " or ".join(f"`{packages}`" for packages in PACKAGES.values())
+    raise RuntimeError(f"no OpenGL without a display ({'; '.join(failures)}): install {needs} (Debian and Ubuntu packages)")
+
+
+def _load(backend):
+    """MuJoCo's wrapper of a backend; what a failed attempt at another one left behind is cleared first."""
+    if os.environ.get("PYOPENGL_PLATFORM", backend) != backend:
+        for name in [n for n in sys.modules if n.split(".")[0] == "OpenGL" or n.startswith(("mujoco.egl", "mujoco.osmesa"))]:
+            del sys.modules[name]
+    os.environ["PYOPENGL_PLATFORM"] = backend
+    return importlib.import_module(f"mujoco.{backend}")

@@ -1,0 +1,213 @@
+"""What is drawn over the scene: links, who goes where, who is controlled by whom, messages, tasks, robots."""
+
+import numpy as np
+
+from ..terms import Activity, Fate, Mode, Session
+from . import marks
+from . import palette as ink
+from .cameras import occluded
+from .canvas import text_width
+from .labels import Label, place_labels
+
+NEIGHBOURS = 4  # links drawn from a robot, as many as a broadcast reaches
+FAINT = 0.35  # opacity of what a mountain hides
+MAX_FLIGHTS = 220  # messages drawn at once
+LOST_AT = {Fate.DELIVERED: 1.0, Fate.TERRAIN: 0.55, Fate.LOST: 0.7, Fate.OUT_OF_RANGE: 0.35}  # of the way
+ROUTE_CACHE = 512
+
+
+class Overlay:
+    """Draws one trace over pictures of its world; `unit` is the size of a 720p pixel."""
+
+    def __init__(self, trace, world, canvas, unit):
+        self.trace, self.world, self.canvas, self.unit = trace, world, canvas, unit
+        self.n_uav = trace.scenario.n_uav
+        layout = world.layout
+        mast = [*layout.station, trace.scenario.world.mast_height]
+        self.station = np.array(mast, float)
+        self.seats = np.c_[layout.operators, np.full(len(layout.operators), 2.0)]
+        self.pois = np.c_[trace.task_xy, layout.ground_height(trace.task_xy) + 1.0]
+        self.slots, self._routes = {}, {}
+
+    def draw(self, moment, robots, projection, taken):
+        """`robots` [R, 3] are the robots' positions in metres; labels keep off the boxes `taken`."""
+        self.projection = projection
+        self._links(moment, robots)
+        self._targets(moment, robots)
+        self._control(moment, robots)
+        at, seen, alpha = self._visible(np.concatenate([robots, self.pois]))
+        count = len(robots)
+        self._tasks(moment, at[count:], seen[count:], alpha[count:])
+        self._messages(moment, robots)
+        self._robots(moment, robots, at[:count], seen[:count], alpha[:count])
+        self._labels(moment, at, seen, taken)
+
+    def colour(self, robot, moment):
+        failed = moment.activity[robot] == Activity.FAILED
+        return ink.FAILED if failed else ink.robot_colour(robot, self.n_uav)
+
+    def _visible(self, points):
+        at, seen = self.projection.pixels(points)
+        hidden = occluded(self.projection, self.world.layout.ground_height, points)
+        return at, seen, np.where(hidden, FAINT, 1.0)
+
+    def _line(self, points, colour, width, alpha):
+        self.canvas.lines(self.projection.polyline(points), colour, width * self.unit, alpha)
+
+    def _dashes(self, points, colour, width, alpha, count):
+        """A polyline [k, 3] cut into `count` dashes of equal length."""
+        steps = np.r_[0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))]
+        cuts = np.linspace(0, steps[-1], 2 * count)
+        dense = np.stack([np.interp(cuts, steps, axis) for axis in np.asarray(points).T], axis=-1)
+        for start in range(0, 2 * count, 2):
+            self._line(dense[start : start + 2], colour, width, alpha)
+
+    def _links(self, moment, robots):
+        """Each robot's best links, and its link to the station."""
+        quality = moment.link_quality
+        ends = np.concatenate([robots, self.station[None]])
+        mutual = np.maximum(quality[:, :-1], quality[:, :-1].T)
+        best = np.argsort(-mutual, axis=1, kind="stable")[:, :NEIGHBOURS]
+        pairs = {(min(i, j), max(i, j)) for i in range(len(robots)) for j in best[i] if mutual[i, j] > 0 and i != j}
+        pairs |= {(i, len(robots)) for i in range(len(robots)) if quality[i, -1] > 0}
+        for i, j in sorted(pairs):
+            value = quality[i, -1] if j == len(robots) else mutual[i, j]
+            self._line([ends[i], ends[j]], ink.link_colour(value), 1.0, 0.16 + 0.3 * value)
+
+    def _targets(self, moment, robots):
+        """Who goes where: straight through the air, along its route on the ground."""
+        for i in np.flatnonzero((moment.task >= 0) & (moment.activity == Activity.TRAVELLING)):
+            if i < self.n_uav:
+                way = np.stack([robots[i], self.pois[moment.task[i]]])
+            else:
+                way = self._ground_route(i, moment)
+            self._line(way, ink.PANEL, 3.4, 0.35)
+            self._line(way, self.colour(i, moment), 1.8, 0.95)
+
+    def _ground_route(self, robot, moment):
+        """What is left of the route that the robot took when it got its task."""
+        task, start = int(moment.task[robot]), int(moment.assigned_at[robot])
+        if (robot, start) not in self._routes:
+            if len(self._routes) > ROUTE_CACHE:
+                self._routes.clear()
+            self._routes[robot, start] = self.world.path(self.trace.robot_xy[start, robot].astype(float), task)
+        route, here = self._routes[robot, start], moment.xy[robot]
+        leg = np.diff(route, axis=0)
+        share = np.clip(((here - route[:-1]) * leg).sum(1) / np.maximum((leg**2).sum(1), 1e-9), 0, 1)
+        nearest = int(np.argmin(np.linalg.norm(route[:-1] + share[:, None] * leg - here, axis=1)))
+        way = np.concatenate([here[None], route[nearest + 1 :]])
+        return np.c_[way, np.full(len(way), 1.0)]
+
+    def _control(self, moment, robots):
+        """An arc in the operator's colour: solid while it controls, broken during handover, dotted for a bid."""
+        for operator in np.flatnonzero((moment.session != Session.REST) & (moment.operator_robot >= 0)):
+            robot, colour = moment.operator_robot[operator], ink.operator_colour(operator)
+            arc = self._arc(self.seats[operator], robots[robot])
+            if moment.controller[robot] != operator:
+                self._dashes(arc, colour, 1.2, 0.6, 36)
+            elif moment.mode[robot] == Mode.HANDOVER:
+                self._dashes(arc, colour, 2.0, 0.85, 12)
+            else:
+                self._line(arc, colour, 2.0, 0.8)
+
+    def _arc(self, start, end):
+        rise = np.array([0, 0, 0.05 * self.world.layout.side + 0.12 * np.linalg.norm(end - start)])
+        t = np.linspace(0, 1, 21)[:, None]
+        return (1 - t) ** 2 * start + 2 * t * (1 - t) * ((start + end) / 2 + rise) + t**2 * end
+
+    def _tasks(self, moment, at, seen, alpha):
+        for task in np.flatnonzero(moment.released & seen):
+            marks.draw_task(self.canvas, at[task], moment, self.trace, task, self._radius(task), self.unit, alpha[task])
+
+    def _radius(self, task):
+        """Worthier tasks are larger; a crowd of tasks is smaller."""
+        value = self.trace.task_value[task] / self.trace.task_value.max()
+        return (3.2 + 2.6 * value) * self.unit * min(1.0, (150 / len(self.trace.task_value)) ** 0.4)
+
+    def _messages(self, moment, robots):
+        flight = moment.flight
+        ends = np.concatenate([robots, np.tile(self.station, (len(self.seats) + 1, 1))])
+        step = -(-len(flight.phase) // MAX_FLIGHTS) or 1
+        for m in range(0, len(flight.phase), step):
+            source = ends[flight.sender[m]]
+            colour, route, phase = ink.FATE[Fate(flight.fate[m])], flight.route[m], float(flight.phase[m])
+            if not flight.left[m] or flight.receiver[m] < 0:
+                self._never_sent(source, colour, phase)
+            else:
+                self._pulse(source, ends[flight.receiver[m]], colour, route, phase, LOST_AT[Fate(flight.fate[m])])
+
+    def _never_sent(self, source, colour, phase):
+        at, seen = self.projection.pixels(source)
+        if seen:
+            self.canvas.ring(at, (5 + 8 * phase) * self.unit, colour, 1.4 * self.unit, 0.9 * (1 - phase))
+
+    def _pulse(self, source, target, colour, route, phase, lost_at):
+        """A mark with a tail; a lost message stops on its way and ends in a cross."""
+        reach = min(1.0, 1.4 * phase) if lost_at < 1 else phase
+        head, tail = (source + (target - source) * lost_at * share for share in (reach, max(0.0, reach - 0.13)))
+        at, seen = self.projection.pixels(np.stack([head, tail]))
+        if not seen.all():
+            return
+        if reach >= 1.0 and lost_at < 1:
+            marks.draw_cross(self.canvas, at[0], 4 * self.unit, colour, 2 * self.unit, 3.5 * (1 - phase))
+            return
+        self.canvas.lines([at[::-1]], colour, 1.6 * self.unit, 0.55)
+        ahead = (at[0] - at[1]) / max(1e-6, np.linalg.norm(at[0] - at[1]))
+        marks.draw_route_mark(self.canvas, at[0], ahead, route, colour, self.unit, 0.95)
+
+    def _robots(self, moment, robots, at, seen, alpha):
+        """Marks for robots too small to be seen, and stems that show where the aerial ones are."""
+        scale = self.projection.scale_at(robots)
+        for i in np.flatnonzero(seen):
+            colour = self.colour(i, moment)
+            foot = [*robots[i, :2], float(self.world.layout.ground_height(robots[i, :2]))]
+            if i < self.n_uav and moment.activity[i] != Activity.FAILED:
+                self._line([robots[i], foot], colour, 1.0, 0.5 * alpha[i])
+            if moment.controller[i] >= 0:
+                self.canvas.ring(at[i], 10.5 * self.unit, ink.operator_colour(moment.controller[i]), 2 * self.unit, alpha[i])
+            if scale[i] < 6 * self.unit:
+                nose = robots[i] + [np.cos(moment.heading[i]), np.sin(moment.heading[i]), 0]
+                ahead = self.projection.pixels(nose)[0] - at[i]
+                ahead = ahead / max(1e-6, np.linalg.norm(ahead))
+                marks.draw_robot(self.canvas, at[i], ahead, colour, 5.2 * self.unit, i < self.n_uav, alpha[i])
+
+    def _labels(self, moment, at, seen, taken):
+        """Names of robots and of the tasks that they head for; marks keep their places free."""
+        size, count = 11.5 * self.unit, len(moment.xy)
+        names = self.trace.scenario.robot_names
+        labels = [
+            Label(i, tuple(at[i]), self._tag_width(i, moment, size), 1.5 * size, 9 * self.unit, 2 + (moment.controller[i] >= 0))
+            for i in np.flatnonzero(seen[:count])
+        ]
+        for task in np.unique(moment.task[moment.task >= 0]):
+            if seen[count + task]:
+                width = text_width(f"T{task}", size)
+                labels.append(Label(f"T{task}", tuple(at[count + task]), width, 1.3 * size, 9 * self.unit, 1))
+        places = place_labels(labels, self._marks_boxes(at[:count][seen[:count]], taken), (self.canvas.width, self.canvas.height), self.slots)
+        self.slots = {key: place.slot for key, place in places.items()}
+        for label in labels:
+            if label.key in places:
+                self._tag(label, places[label.key], names, moment, size)
+
+    def _marks_boxes(self, at, taken):
+        reach = 7 * self.unit
+        return [*sorted(taken), *np.concatenate([at - reach, at + reach], axis=1)]
+
+    def _tag_width(self, robot, moment, size):
+        badge = text_width(f"H{moment.controller[robot]}", size, 700) + 1.1 * size if moment.controller[robot] >= 0 else 0
+        return text_width(self.trace.scenario.robot_names[robot], size, 500) + 0.8 * size + badge
+
+    def _tag(self, label, place, names, moment, size):
+        """A robot's chip with its operator's badge, or a task's bare name."""
+        canvas, x, y = self.canvas, place.x, place.y
+        if place.is_far:
+            nearest = np.clip(label.anchor, [x, y], [x + label.width, y + label.height])
+            canvas.lines([np.stack([label.anchor, nearest])], ink.INK, self.unit, 0.5)
+        if isinstance(label.key, str):
+            canvas.text(x, y + 0.95 * size, label.key, size, ink.INK, 500, halo=0.6)
+            return
+        robot = int(label.key)
+        canvas.panel(x, y, label.width, label.height, ink.PANEL, 0.72, 0.4 * size)
+        width = canvas.text(x + 0.4 * size, y + 1.12 * size, names[robot], size, self.colour(robot, moment), 500)
+        if moment.controller[robot] >= 0:
+            marks.draw_badge(canvas, x + width + 0.8 * size, y + label.height / 2, moment.controller[robot], 0.9 * size)

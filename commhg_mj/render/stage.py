@@ -1,0 +1,101 @@
+"""The 3D picture: the world's MuJoCo model posed for a moment and rendered off screen."""
+
+import cv2
+import mujoco
+import numpy as np
+
+from ..models.mjcf import build_model
+from ..terms import Activity
+from .cameras import Projection, place_camera
+from .gl import make_context
+
+SUPERSAMPLING = 1.5  # rendered this much larger, then reduced: cheaper and smoother than multisampling here
+SPIN = 23.0  # rad between pictures for each rotor: any odd angle looks like spinning
+FORWARD_PITCH = 0.12  # rad of a UAV on its way
+FALLEN_ROLL = 0.5  # rad of a failed UAV on the ground
+FALLEN_HEIGHT = 1.0  # m of its hull above the ground
+GREY = np.array([0.32, 0.32, 0.34, 1.0], np.float32)
+DONE_ALPHA = 0.25
+
+
+class Stage:
+    """One world's model with an off-screen renderer of pictures of `size` = (width, height) pixels."""
+
+    def __init__(self, trace, world, size):
+        self.trace, self.world, self.size = trace, world, size
+        self.model = build_model(world, pictures=True)
+        self.data = mujoco.MjData(self.model)
+        width, height = (round(SUPERSAMPLING * n) for n in size)
+        self.model.vis.global_.offwidth, self.model.vis.global_.offheight = width, height
+        self.viewport = mujoco.MjrRect(0, 0, width, height)
+        self._buffer = np.empty((height, width, 3), np.uint8)
+        self._gl = make_context(width, height)
+        self._scene = mujoco.MjvScene(self.model, maxgeom=self.model.ngeom + 100)
+        self._context = mujoco.MjrContext(self.model, mujoco.mjtFontScale.mjFONTSCALE_100)
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
+        self._options = mujoco.MjvOption()
+        self._rgba = self.model.geom_rgba.copy()
+        self._robots = [_Body(self.model, name) for name in trace.scenario.robot_names]
+        self._pois = [_Body(self.model, f"poi{i}") for i in range(len(world.pois))]
+
+    def positions(self, moment) -> np.ndarray:
+        """Where the robots are [R, 3] m."""
+        ground = self.world.layout.ground_height(moment.xy)
+        flying = np.arange(len(moment.xy)) < self.trace.scenario.n_uav
+        failed = moment.activity == Activity.FAILED
+        height = np.where(flying, np.where(failed, FALLEN_HEIGHT, self.trace.scenario.world.uav_height), 0.0)
+        return np.c_[moment.xy, ground + height]
+
+    def render(self, moment, camera: str) -> tuple[np.ndarray, Projection]:
+        """(picture [height, width, 3] in blue, green, red; the projection that it was taken with)."""
+        self._pose(moment)
+        view = place_camera(camera, self.world, moment, self.positions(moment)[:, 2])
+        catch = mujoco.mjtCatBit.mjCAT_ALL
+        mujoco.mjv_updateScene(self.model, self.data, self._options, None, view, catch, self._scene)
+        mujoco.mjr_render(self.viewport, self._scene, self._context)
+        mujoco.mjr_readPixels(self._buffer, None, self.viewport, self._context)
+        # OpenGL counts rows from the bottom.
+        picture = cv2.resize(self._buffer[::-1], self.size, interpolation=cv2.INTER_AREA)
+        return cv2.cvtColor(picture, cv2.COLOR_RGB2BGR), Projection.of_scene(self._scene, *self.size)
+
+    def close(self):
+        self._context.free()
+        self._gl.free()
+
+    def _pose(self, moment):
+        model, data = self.model, self.data
+        model.geom_rgba[:] = self._rgba
+        for i, (body, at) in enumerate(zip(self._robots, self.positions(moment))):
+            failed, flying = moment.activity[i] == Activity.FAILED, i < self.trace.scenario.n_uav
+            roll, pitch = 0.0, 0.0
+            if flying:
+                roll, pitch = (FALLEN_ROLL, 0.0) if failed else (-moment.bank[i], FORWARD_PITCH * moment.moving[i])
+            data.mocap_pos[body.mocap], data.mocap_quat[body.mocap] = at, _attitude(moment.heading[i], pitch, roll)
+            if failed:
+                model.geom_rgba[body.geoms] = GREY
+            else:
+                data.qpos[body.joints] = SPIN * moment.time * np.where(np.arange(len(body.joints)) % 2, 1, -1)
+        for i, body in enumerate(self._pois):
+            if not moment.released[i]:
+                model.geom_rgba[body.geoms, 3] = 0
+            elif moment.done[i]:
+                model.geom_rgba[body.geoms, 3] *= DONE_ALPHA
+        mujoco.mj_kinematics(model, data)
+
+
+class _Body:
+    """Where a body and all below it lie in the model's arrays."""
+
+    def __init__(self, model, name):
+        body = model.body(name)
+        inside = model.body_rootid == body.id
+        self.mocap = body.mocapid[0]
+        self.geoms = np.flatnonzero(inside[model.geom_bodyid])
+        self.joints = model.jnt_qposadr[inside[model.jnt_bodyid]]
+
+
+def _attitude(heading, pitch, roll):
+    """Quaternion of yaw, then pitch (nose down positive), then roll (right wing down positive)."""
+    quat = np.empty(4)
+    mujoco.mju_euler2Quat(quat, np.array([heading, pitch, roll]), "zyx")
+    return quat

@@ -1,0 +1,53 @@
+"""Files: H.264 in MP4 that browsers play, and PNG. A file appears whole or not at all."""
+
+import contextlib
+import os
+from fractions import Fraction
+from pathlib import Path
+
+import av
+import cv2
+
+QUALITY = {"crf": "21", "preset": "veryfast", "tune": "animation"}
+BT601 = 6  # FFmpeg's number for the colour matrix that OpenCV converts with
+
+
+@contextlib.contextmanager
+def whole_file(out):
+    """A path to write to in the folder of `out`, renamed to `out` at the end, removed after an error.
+
+    Raises:
+      ValueError: the folder does not exist or cannot be written.
+    """
+    out = Path(out)
+    part = out.with_name(f".{out.stem}.{os.getpid()}.part{out.suffix}")
+    try:
+        part.touch()
+    except OSError as error:
+        raise ValueError(f"cannot write {out}: {error.strerror}") from None
+    try:
+        yield part
+        os.replace(part, out)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def to_yuv(picture):
+    """A picture [height, width, 3] as H.264 wants it: planes of brightness and colour, [1.5 height, width]."""
+    return cv2.cvtColor(picture, cv2.COLOR_BGR2YUV_I420)
+
+
+def write_mp4(path, pictures, size, fps):
+    """Encode pictures, as `to_yuv` makes them, in order."""
+    with av.open(str(path), "w", options={"movflags": "+faststart"}) as container:
+        stream = container.add_stream("libx264", rate=Fraction(fps).limit_denominator(1001), options=QUALITY)
+        stream.width, stream.height, stream.pix_fmt = *size, "yuv420p"
+        stream.codec_context.colorspace = BT601
+        stream.codec_context.thread_count = 1
+        for picture in pictures:
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="yuv420p")))
+        container.mux(stream.encode())
+
+
+def write_png(path, picture):
+    cv2.imwrite(str(path), picture)
