@@ -10,46 +10,46 @@ from ..models.world import World, make_world
 from ..radio import find_link_model
 from ..scenarios import LIMITATIONS, Scenario, load_scenario
 from ..terms import IDLE, KEEP, NOBODY, REST, Activity
+from .access import operator_of, robot_of
 from .decide import ILLEGAL, Decisions, apply_decisions, find_illegal
 from .draw import draw_mission, initialize
 from .log import new_log
 from .observe import Observations, new_observations, observe_operator, observe_robot
 from .score import Score, score_missions
-from .state import State, new_state, rules_record
+from .state import State, ground_of, new_state, wire, write_rules
 from .tick import advance
-from .view import stack_ground, view
 
 
 @kernel
-def advance_all(state, rules, ground, log, active, due):
-    """Advance active missions until somebody in each is due; counts due robots and operators in `due` [2]."""
-    for e in range(state.missions.shape[0]):
-        if not active[e] or state.missions[e].over:
+def advance_all(missions, due):
+    """Advance all missions until somebody in each is due; counts due robots and operators in `due` [2]."""
+    for e in range(missions.shape[0]):
+        m = missions[e]
+        if m.over:
             continue
-        m = view(state, rules, ground, log, e)
         advance(m)
-        if not m.info[0].over:
-            for r in range(m.robots.shape[0]):
-                due[0] += m.robots[r].due
-            for h in range(m.operators.shape[0]):
-                due[1] += m.operators[h].due
+        if not m.over:
+            for r in range(m.n_robots):
+                due[0] += robot_of(m, r).due
+            for h in range(m.n_operators):
+                due[1] += operator_of(m, h).due
 
 
 @kernel
-def observe_due(state, rules, ground, log, active, seen):
-    """Fill the observations of all due actors of the active missions."""
+def observe_due(missions, seen):
+    """Fill the observations of all due actors."""
     i, k = 0, 0
-    for e in range(state.missions.shape[0]):
-        if not active[e] or state.missions[e].over:
+    for e in range(missions.shape[0]):
+        m = missions[e]
+        if m.over:
             continue
-        m = view(state, rules, ground, log, e)
-        for r in range(m.robots.shape[0]):
-            if m.robots[r].due:
+        for r in range(m.n_robots):
+            if robot_of(m, r).due:
                 seen.robots[i].mission = e
                 observe_robot(m, r, seen.robots[i], seen.robot_tasks[i], seen.robot_peers[i], seen.robot_operators[i])
                 i += 1
-        for h in range(m.operators.shape[0]):
-            if m.operators[h].due:
+        for h in range(m.n_operators):
+            if operator_of(m, h).due:
                 seen.operators[k].mission = e
                 observe_operator(m, h, seen.operators[k], seen.operator_reports[k])
                 k += 1
@@ -83,9 +83,9 @@ class MissionBatch:
         if limitation not in LIMITATIONS:
             raise ValueError(f"unknown limitation {limitation!r}: use {', '.join(LIMITATIONS)}")
         self.links, self.limitation, self.record = links, limitation, record
-        self.rules = rules_record(self.scenario, find_link_model(links), LIMITATIONS.index(limitation))
+        self._link_model = find_link_model(links)
         self.worlds: list[World] = [make_world(self.scenario, seed) for seed in self.seeds]
-        self._ground = stack_ground(self.worlds)
+        self._grounds = [ground_of(world) for world in self.worlds]
         self.reset()
 
     def reset(self) -> Observations:
@@ -93,18 +93,19 @@ class MissionBatch:
         n = len(self.seeds)
         self.state: State = new_state(n, self.scenario)
         self.log = new_log(n, self.scenario, self.record)
+        wire(self.state, self._grounds, self.log)
+        write_rules(self.state.missions, self.scenario, self._link_model, LIMITATIONS.index(self.limitation))
         for e, world in enumerate(self.worlds):
             draw_mission(self.state, e, world)
-        initialize(self.state, self.rules, self._ground, self.log)
+        initialize(self.state)
         self.rewards = np.zeros((n, 2))
-        return self._advance(np.ones(n, bool))
+        return self._advance()
 
-    def step(self, decisions: Decisions, missions=None) -> Observations:
+    def step(self, decisions: Decisions) -> Observations:
         """Let the decisions take effect and advance to the next decision epochs.
 
         Args:
           decisions: one choice for each row of the last observations.
-          missions: [E] bool, those that go on (default: all); the others keep their last observations.
 
         Returns:
           The observations of everybody who is due; no rows for missions that are over.
@@ -115,16 +116,16 @@ class MissionBatch:
         decisions = self._check(decisions)
         before = self.state.missions["reward"].copy()
         seen = self.observations
-        apply_decisions(self.state, self.rules, self._ground, self.log, seen.robots, seen.operators, decisions)
-        observations = self._advance(np.ones(len(self.seeds), bool))
+        apply_decisions(self.state.missions, seen.robots, seen.operators, decisions)
+        observations = self._advance()
         self.rewards = self.state.missions["reward"] - before
         return observations
 
-    def _advance(self, active) -> Observations:
+    def _advance(self) -> Observations:
         due = np.zeros(2, np.int64)
-        advance_all(self.state, self.rules, self._ground, self.log, active, due)
+        advance_all(self.state.missions, due)
         self.observations = new_observations(due[0], due[1], self.scenario)
-        observe_due(self.state, self.rules, self._ground, self.log, active, self.observations)
+        observe_due(self.state.missions, self.observations)
         return self.observations
 
     def _check(self, decisions) -> Decisions:
@@ -154,6 +155,11 @@ class MissionBatch:
             actor = self.observations.operators[row]
             name, chosen = f"operator{actor['operator']}", f"choice {decisions.operator[row]}"
         return f"{name} of mission {actor['mission']} at {actor['time']:.0f} s: {ILLEGAL[rule]} ({chosen})"
+
+    @property
+    def rules(self) -> np.ndarray:
+        """[1] RULES: the scenario's public numbers, as kernels read them."""
+        return self.state.missions["rules"][:1]
 
     @property
     def over(self) -> np.ndarray:

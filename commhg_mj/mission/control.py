@@ -2,6 +2,7 @@
 
 from ..kernels import kernel
 from ..terms import NOBODY, Activity, Kind, Mode, Session
+from .access import downlink_of, operator_of, robot_of, task_of, uplink_of
 from .state import NEVER
 from .transport import displace, enqueue
 
@@ -14,35 +15,35 @@ CONTROL, RENEWAL = int(Kind.CONTROL), int(Kind.RENEWAL)
 @kernel
 def bid(m, h, r, now):
     """Operator h commands robot r; what it held before is given up, at a cost unless exempt."""
-    operator = m.operators[h]
+    operator = operator_of(m, h)
     if operator.session == HELD:
         if not operator.exempt:
-            m.info[0].switches += 1
-            m.info[0].tick_reward[1] -= m.rules[0].switch_cost
+            m.switches += 1
+            m.tick_reward[1] -= m.rules.switch_cost
         end_session(m, h)
     operator.session = BID
     operator.robot = r
     operator.bid_at = now
     operator.exempt = 0
-    enqueue(m, m.downlinks[h, 0], CONTROL, m.robots.shape[0] + h, r, now)
+    enqueue(m, downlink_of(m, h, 0), CONTROL, m.n_robots + h, r, now)
 
 
 @kernel
 def renew(m, h, now):
     """KEEP: queue a renewal of the held lease when the last one is old enough."""
-    operator = m.operators[h]
-    if operator.session == HELD and now - operator.renewed_at >= m.rules[0].renewal_period:
-        if m.downlinks[h, 0].since < 0.0:
+    operator = operator_of(m, h)
+    if operator.session == HELD and now - operator.renewed_at >= m.rules.renewal_period:
+        if downlink_of(m, h, 0).since < 0.0:
             operator.renewed_at = now
-            enqueue(m, m.downlinks[h, 0], RENEWAL, m.robots.shape[0] + h, operator.robot, now)
+            enqueue(m, downlink_of(m, h, 0), RENEWAL, m.n_robots + h, operator.robot, now)
 
 
 @kernel
 def end_session(m, h):
     """The operator lets go: its robot, if it held one, is autonomous from now on."""
-    operator = m.operators[h]
+    operator = operator_of(m, h)
     if operator.session == HELD:
-        robot = m.robots[operator.robot]
+        robot = robot_of(m, operator.robot)
         robot.controller = NOBODY
         robot.mode = AUTONOMOUS
         robot.due = 1
@@ -54,21 +55,21 @@ def end_session(m, h):
 @kernel
 def withdraw(m, h, now):
     """End the session and take back a command that still waits."""
-    displace(m, m.downlinks[h, 0], now)
+    displace(m, downlink_of(m, h, 0), now)
     end_session(m, h)
 
 
 @kernel
 def receive_command(m, h, r, kind, now):
     """A control command or a renewal reaches robot r."""
-    robot, operator, rules = m.robots[r], m.operators[h], m.rules[0]
+    robot, operator, rules = robot_of(m, r), operator_of(m, h), m.rules
     if robot.activity == FAILED:
         return
     if robot.controller == h:
         robot.lease_until = now + rules.lease
     elif kind == CONTROL and robot.controller != NOBODY:
-        m.info[0].conflicts += 1
-        m.info[0].tick_reward[1] -= rules.conflict_cost
+        m.conflicts += 1
+        m.tick_reward[1] -= rules.conflict_cost
     elif kind == CONTROL and operator.session == BID and operator.robot == r:
         robot.controller = h
         robot.mode = HANDOVER
@@ -83,29 +84,29 @@ def receive_command(m, h, r, kind, now):
 @kernel
 def advance_sessions(m, now):
     """Handovers end, leases and bids run out."""
-    for r in range(m.robots.shape[0]):
-        robot = m.robots[r]
+    for r in range(m.n_robots):
+        robot = robot_of(m, r)
         if robot.mode == HANDOVER and now >= robot.handover_until:
             robot.mode = CONTROLLED
         if robot.controller != NOBODY and now >= robot.lease_until:
             end_session(m, robot.controller)
-    for h in range(m.operators.shape[0]):
-        operator = m.operators[h]
-        if operator.session == BID and now - operator.bid_at >= m.rules[0].bid_timeout:
+    for h in range(m.n_operators):
+        operator = operator_of(m, h)
+        if operator.session == BID and now - operator.bid_at >= m.rules.bid_timeout:
             withdraw(m, h, now)
 
 
 @kernel
 def tire(m, h):
     """One second of work or rest: df/dt = k_a w(D)/c (1 - f), or -k_r c f."""
-    operator, rules = m.operators[h], m.rules[0]
+    operator, rules = operator_of(m, h), m.rules
     if operator.session != HELD:
         operator.fatigue -= rules.recovery_rate * operator.capacity * operator.fatigue
         return
-    robot = m.robots[operator.robot]
+    robot = robot_of(m, operator.robot)
     workload = rules.travel_workload
     if robot.activity == SERVICING:
-        workload = rules.service_workload[0] + rules.service_workload[1] * m.tasks[robot.task].difficulty
+        workload = rules.service_workload[0] + rules.service_workload[1] * task_of(m, robot.task).difficulty
     operator.fatigue += rules.fatigue_rate * workload / operator.capacity * (1.0 - operator.fatigue)
     operator.control_time += 1.0
 
@@ -113,11 +114,11 @@ def tire(m, h):
 @kernel
 def break_robot(m, r, now):
     """A malfunction removes robot r for the rest of the mission; whoever controls it notices."""
-    robot = m.robots[r]
+    robot = robot_of(m, r)
     if robot.controller != NOBODY:
         end_session(m, robot.controller)
-    for place in range(m.uplinks.shape[1]):
-        displace(m, m.uplinks[r, place], now)
+    for place in range(m.n_uplink_places):
+        displace(m, uplink_of(m, r, place), now)
     robot.activity = FAILED
     robot.failed_at = now
     robot.due = 0

@@ -6,11 +6,11 @@ import numpy as np
 
 from ..kernels import kernel
 from ..terms import IDLE, KEEP, NOBODY, REST, Kind, Session
+from .access import belief_of, operator_of, robot_of, task_of, uplink_of
 from .control import bid, renew, withdraw
 from .log import log_operator_decision, log_robot_decision
 from .service import drop_task, take_task
 from .transport import broadcast, displace, enqueue
-from .view import view
 
 QUERY, REQUEST = int(Kind.QUERY), int(Kind.REQUEST)
 RESTING = int(Session.REST)
@@ -83,61 +83,61 @@ def find_illegal(observations, decisions):
 
 
 @kernel
-def apply_decisions(state, rules, ground, log, robots, operators, decisions):
+def apply_decisions(missions, robots, operators, decisions):
     """Let every due actor's decision take effect, robots before operators, in the order of their indices.
 
     Tasks that are given up become free before any new claim is heard (the resolver).
     """
     for i in range(robots.shape[0]):
-        m, r = view(state, rules, ground, log, robots[i].mission), robots[i].robot
-        choice = decisions.task[i]
-        if choice == IDLE or (choice >= 0 and choice != m.robots[r].task):
+        m, r = missions[robots[i].mission], robots[i].robot
+        choice = int(decisions.task[i])
+        if choice == IDLE or (choice >= 0 and choice != robot_of(m, r).task):
             drop_task(m, r)
     for i in range(robots.shape[0]):
-        m, r = view(state, rules, ground, log, robots[i].mission), robots[i].robot
-        m.robots[r].due = 0
-        m.robots[r].next_decision = m.info[0].now + m.rules[0].robot_period
+        m, r = missions[robots[i].mission], robots[i].robot
+        robot_of(m, r).due = 0
+        robot_of(m, r).next_decision = m.now + m.rules.robot_period
         log_robot_decision(m, r, decisions.task[i], decisions.broadcast[i], decisions.query[i], decisions.assist[i])
-        claim(m, r, decisions.task[i])
-        speak(m, r, decisions.broadcast[i], decisions.query[i], decisions.assist[i])
+        claim(m, r, int(decisions.task[i]))
+        speak(m, r, decisions.broadcast[i], int(decisions.query[i]), decisions.assist[i])
     for i in range(operators.shape[0]):
-        m, h = view(state, rules, ground, log, operators[i].mission), operators[i].operator
+        m, h = missions[operators[i].mission], operators[i].operator
         log_operator_decision(m, h, decisions.operator[i])
-        supervise(m, h, decisions.operator[i])
+        supervise(m, h, int(decisions.operator[i]))
 
 
 @kernel
 def claim(m, r, choice):
     """Take the chosen task unless somebody owns it; the later claim loses and decides again at once."""
-    if choice < 0 or choice == m.robots[r].task:
+    if choice < 0 or choice == robot_of(m, r).task:
         return
-    if m.tasks[choice].owner == NOBODY:
+    if task_of(m, choice).owner == NOBODY:
         take_task(m, r, choice)
     else:
-        m.beliefs[r, choice].refused_until = m.info[0].now + m.rules[0].refusal
-        m.info[0].refusals += 1
-        m.robots[r].due = 1
+        belief_of(m, r, choice).refused_until = m.now + m.rules.refusal
+        m.refusals += 1
+        robot_of(m, r).due = 1
 
 
 @kernel
 def speak(m, r, wants_broadcast, query, assist):
     """Broadcast now; a query or a request queues and displaces telemetry that waits."""
-    robot, now = m.robots[r], m.info[0].now
+    robot, now = robot_of(m, r), m.now
     if wants_broadcast:
         broadcast(m, r, now)
     if query != NOBODY:
-        enqueue(m, m.uplinks[r, 0], QUERY, r, m.robots.shape[0] + query, now)
-        displace(m, m.uplinks[r, 2], now)
+        enqueue(m, uplink_of(m, r, 0), QUERY, r, m.n_robots + query, now)
+        displace(m, uplink_of(m, r, 2), now)
     elif assist:
         robot.last_request = now
-        enqueue(m, m.uplinks[r, 1], REQUEST, r, m.robots.shape[0] + m.operators.shape[0], now)
-        displace(m, m.uplinks[r, 2], now)
+        enqueue(m, uplink_of(m, r, 1), REQUEST, r, m.n_robots + m.n_operators, now)
+        displace(m, uplink_of(m, r, 2), now)
 
 
 @kernel
 def supervise(m, h, choice):
     """Operator h keeps, rests or bids for a robot."""
-    operator, now = m.operators[h], m.info[0].now
+    operator, now = operator_of(m, h), m.now
     if choice == KEEP:
         renew(m, h, now)
     elif choice == REST:
@@ -146,4 +146,4 @@ def supervise(m, h, choice):
     elif choice != operator.robot:
         bid(m, h, choice, now)
     operator.due = 0
-    operator.next_decision = now + m.rules[0].operator_period
+    operator.next_decision = now + m.rules.operator_period

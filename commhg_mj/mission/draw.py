@@ -6,6 +6,7 @@ from scipy.optimize import linear_sum_assignment
 from ..kernels import kernel
 from ..models.world import World
 from ..terms import NOBODY, Embodiment, TaskType
+from .access import robot_of, task_of
 from .estimate import expected_utility
 from .log import log_tick
 from .observe import TASK_SEEN, observe_tasks
@@ -13,7 +14,6 @@ from .records import is_compatible
 from .service import take_task
 from .state import NEVER
 from .tick import look_around, release_and_change
-from .view import view
 
 STREAM = 2  # separates the mission's random stream from the world's
 
@@ -67,50 +67,50 @@ def draw_operators(operators, scenario, rng) -> None:
 
 
 @kernel
-def open_missions(state, rules, ground, log, rows, utilities):
+def open_missions(missions, rows, utilities):
     """Announce the first tasks, let robots look around, and rate first targets by public information.
 
     Args:
       rows: [T] TASK_SEEN scratch.
       utilities: [E, R, T] is filled; 0 where a robot cannot service a task.
     """
-    for e in range(state.missions.shape[0]):
-        m = view(state, rules, ground, log, e)
+    for e in range(missions.shape[0]):
+        m = missions[e]
         release_and_change(m, 0)
         look_around(m, 0)
-        for r in range(m.robots.shape[0]):
-            robot = m.robots[r]
+        for r in range(m.n_robots):
+            robot = robot_of(m, r)
             observe_tasks(m, r, False, rows)
-            for j in range(m.tasks.shape[0]):
+            for j in range(m.n_tasks):
                 row = rows[j]
                 utilities[e, r, j] = 0.0
-                if row.released and is_compatible(robot.embodiment, m.tasks[j].announced):
+                if row.released and is_compatible(robot.embodiment, task_of(m, j).announced):
+                    speed = m.rules.speed[0, robot.embodiment]
                     utilities[e, r, j] = expected_utility(
-                        rules[0], row.distance, rules[0].speed[0, robot.embodiment], row.difficulty, row.value,
-                        row.deadline, row.decay, 0.0,
-                    )  # fmt: skip
+                        m.rules, row.distance, speed, row.difficulty, row.value, row.deadline, row.decay, 0.0
+                    )
 
 
 @kernel
-def assign_first_targets(state, rules, ground, log, targets):
+def assign_first_targets(missions, targets):
     """Send every robot to its first target [E, R] (NOBODY: none), prescribed until it ends."""
-    for e in range(state.missions.shape[0]):
-        m = view(state, rules, ground, log, e)
-        for r in range(m.robots.shape[0]):
+    for e in range(missions.shape[0]):
+        m = missions[e]
+        for r in range(m.n_robots):
             if targets[e, r] != NOBODY:
                 take_task(m, r, targets[e, r])
-                m.robots[r].prescribed = m.rules[0].initial_phase_end > 0
+                robot_of(m, r).prescribed = m.rules.initial_phase_end > 0
         log_tick(m)
 
 
-def initialize(state, rules, ground, log) -> None:
+def initialize(state) -> None:
     """The initializer: once, first targets by optimal assignment on public task information (section 8)."""
     e, r = state.robots.shape
     utilities = np.empty((e, r, state.tasks.shape[1]))
-    open_missions(state, rules, ground, log, np.empty(utilities.shape[2], TASK_SEEN), utilities)
+    open_missions(state.missions, np.empty(utilities.shape[2], TASK_SEEN), utilities)
     targets = np.full((e, r), NOBODY, np.int32)
     for mission, table in enumerate(utilities):
         robots, tasks = linear_sum_assignment(table, maximize=True)
         worthwhile = table[robots, tasks] > 0
         targets[mission, robots[worthwhile]] = tasks[worthwhile]
-    assign_first_targets(state, rules, ground, log, targets)
+    assign_first_targets(state.missions, targets)

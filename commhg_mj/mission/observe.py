@@ -11,6 +11,9 @@ import numpy as np
 from ..kernels import kernel
 from ..models.routes import best_start, find_visible, is_clear
 from ..terms import NOBODY, Activity, Embodiment, Kind, Mode, Session
+from .access import (
+    belief_of, corners, operator_of, peer_of, resource_of, robot_of, route_frames, seen, seen_distance, task_of, to_goal, uplink_of,
+)  # fmt: skip
 from .records import believed_type, is_compatible, is_ruled_out
 from .state import record
 
@@ -77,34 +80,34 @@ def age(now, time):
 @kernel
 def observe_robot(m, r, seen, tasks, peers, operators):
     """Everything that robot r can know."""
-    robot, now = m.robots[r], m.info[0].now
+    robot, now = robot_of(m, r), m.now
     seen.robot = r
     seen.time = now
     seen.embodiment, seen.activity, seen.mode, seen.controller = robot.embodiment, robot.activity, robot.mode, robot.controller
     seen.x, seen.y, seen.task, seen.tokens = robot.x, robot.y, robot.task, robot.tokens
-    seen.speed = m.rules[0].speed[1 if robot.mode == CONTROLLED else 0, robot.embodiment]
-    seen.progress = m.beliefs[r, robot.task].progress if robot.task != NOBODY else 0.0
+    seen.speed = m.rules.speed[1 if robot.mode == CONTROLLED else 0, robot.embodiment]
+    seen.progress = belief_of(m, r, robot.task).progress if robot.task != NOBODY else 0.0
     seen.lease_left = robot.lease_until - now if robot.controller != NOBODY else 0.0
     seen.handover_left = max(0.0, robot.handover_until - now) if robot.controller != NOBODY else 0.0
     seen.since_broadcast = now - robot.last_broadcast
     seen.since_request = age(now, robot.last_request)
-    seen.query_waits = m.uplinks[r, 0].since >= 0.0
-    seen.request_waits = m.uplinks[r, 1].since >= 0.0
+    seen.query_waits = uplink_of(m, r, 0).since >= 0.0
+    seen.request_waits = uplink_of(m, r, 1).since >= 0.0
     seen.prescribed = robot.prescribed
     seen.can_keep = robot.task != NOBODY and not is_ruled_out(m, r, robot.task)
     seen.can_idle = not (robot.prescribed and seen.can_keep)
-    seen.can_broadcast = now > robot.last_broadcast and m.robots.shape[0] > 1
+    seen.can_broadcast = now > robot.last_broadcast and m.n_robots > 1
     seen.can_assist = (
         robot.task != NOBODY
         and robot.controller == NOBODY
         and not seen.request_waits
-        and m.operators.shape[0] > 0
-        and robot.tokens >= m.rules[0].message_bytes[REQUEST]
+        and m.n_operators > 0
+        and robot.tokens >= m.rules.message_bytes[REQUEST]
     )
     observe_tasks(m, r, not seen.can_idle, tasks)
     observe_peers(m, r, tasks, peers)
-    for h in range(m.operators.shape[0]):
-        report, row = m.resources[r, h], operators[h]
+    for h in range(m.n_operators):
+        report, row = resource_of(m, r, h), operators[h]
         row.legal = not seen.query_waits
         row.age = age(now, report.time)
         row.session, row.robot, row.fatigue_class = report.session, report.robot, report.fatigue_class
@@ -114,10 +117,10 @@ def observe_robot(m, r, seen, tasks, peers, operators):
 @kernel
 def observe_tasks(m, r, is_prescribed, rows):
     """Public attributes, robot r's belief, the way there and the mask, task by task."""
-    robot, ground, now = m.robots[r], m.ground, m.info[0].now
+    robot, now = robot_of(m, r), m.now
     n_seen = -1  # corners that robot r sees: looked up when the first task needs them
-    for j in range(m.tasks.shape[0]):
-        task, belief, row = m.tasks[j], m.beliefs[r, j], rows[j]
+    for j in range(m.n_tasks):
+        task, belief, row = task_of(m, j), belief_of(m, r, j), rows[j]
         row.claimed_by, row.claim_age = NOBODY, UNKNOWN
         row.released = task.released
         row.legal = 0
@@ -135,12 +138,10 @@ def observe_tasks(m, r, is_prescribed, rows):
         if is_ruled_out(m, r, j):
             continue
         row.legal = j != robot.task and not row.refused and not is_prescribed
-        if robot.embodiment == UGV and not is_clear(ground.route_frames, robot.x, robot.y, task.x, task.y):
+        if robot.embodiment == UGV and not is_clear(route_frames(m), robot.x, robot.y, task.x, task.y):
             if n_seen < 0:
-                n_seen = find_visible(
-                    ground.route_frames, ground.corners, robot.x, robot.y, ground.seen, ground.seen_distance
-                )
-            row.distance = best_start(ground.to_goal, j, ground.seen, ground.seen_distance, n_seen)[0]
+                n_seen = find_visible(route_frames(m), corners(m), robot.x, robot.y, seen(m), seen_distance(m))
+            row.distance = best_start(to_goal(m), j, seen(m), seen_distance(m), n_seen)[0]
 
 
 @kernel
@@ -153,11 +154,11 @@ def hide_task(row):
 @kernel
 def observe_peers(m, r, tasks, rows):
     """Cached reports of the other robots; a fresh claim of a task is noted beside the task."""
-    now = m.info[0].now
-    for other in range(m.robots.shape[0]):
-        peer, row = m.peers[r, other], rows[other]
+    now = m.now
+    for other in range(m.n_robots):
+        peer, row = peer_of(m, r, other), rows[other]
         row.age = age(now, peer.time)
-        row.embodiment = m.robots[other].embodiment
+        row.embodiment = robot_of(m, other).embodiment
         row.x, row.y, row.task = peer.x, peer.y, peer.task
         row.activity, row.mode, row.controller = peer.activity, peer.mode, peer.controller
         if peer.time >= 0.0 and peer.task != NOBODY:
@@ -169,26 +170,26 @@ def observe_peers(m, r, tasks, rows):
 @kernel
 def observe_operator(m, h, seen, rows):
     """Everything that operator h can know: itself, its session, and the station's reports."""
-    operator, now = m.operators[h], m.info[0].now
-    station = m.robots.shape[0]
+    operator, now = operator_of(m, h), m.now
+    station = m.n_robots
     seen.operator = h
     seen.time = now
     seen.proficiency[0], seen.proficiency[1] = operator.proficiency[0], operator.proficiency[1]
     seen.capacity, seen.fatigue, seen.tokens = operator.capacity, operator.fatigue, operator.tokens
     seen.session, seen.robot, seen.exempt = operator.session, operator.robot, operator.exempt
-    seen.lease_left = m.robots[operator.robot].lease_until - now if operator.session == HELD else 0.0
+    seen.lease_left = robot_of(m, operator.robot).lease_until - now if operator.session == HELD else 0.0
     seen.since_bid = age(now, operator.bid_at) if operator.session != RESTING else UNKNOWN
     seen.can_keep = operator.session != RESTING
-    for r in range(m.robots.shape[0]):
-        report, row = m.peers[station, r], rows[r]
+    for r in range(m.n_robots):
+        report, row = peer_of(m, station, r), rows[r]
         row.legal = r != operator.robot and not (report.time >= 0.0 and report.activity == FAILED)
-        row.embodiment = m.robots[r].embodiment
+        row.embodiment = robot_of(m, r).embodiment
         row.age = age(now, report.time)
         row.activity, row.mode, row.controller = report.activity, report.mode, report.controller
         row.x, row.y, row.task, row.progress = report.x, report.y, report.task, report.progress
         row.request_age = age(now, report.request_time)
         row.difficulty, row.value, row.deadline, row.decay, row.distance = 0.0, 0.0, 0.0, 0.0, 0.0
         if report.task != NOBODY:
-            task = m.tasks[report.task]
+            task = task_of(m, report.task)
             row.difficulty, row.value, row.deadline, row.decay = task.difficulty, task.value, task.deadline, task.decay
             row.distance = np.hypot(task.x - report.x, task.y - report.y)

@@ -5,6 +5,7 @@ Newer evidence replaces older, relaying refreshes nothing, completion is termina
 
 from ..kernels import kernel
 from ..terms import Embodiment, Status, TaskType
+from .access import belief_of, copy_record, inbox_of, peer_of, robot_of, task_of
 from .state import NEVER
 
 DONE = int(Status.DONE)
@@ -23,22 +24,22 @@ def is_compatible(embodiment, task_type):
 @kernel
 def believed_type(m, receiver, task):
     """The type by the receiver's evidence, or the announced one."""
-    belief = m.beliefs[receiver, task]
-    return belief.type if belief.time >= 0.0 else m.tasks[task].announced
+    belief = belief_of(m, receiver, task)
+    return belief.type if belief.time >= 0.0 else task_of(m, task).announced
 
 
 @kernel
 def is_ruled_out(m, robot, task):
     """Whether the robot's own evidence says that it cannot service the task any more."""
-    belief = m.beliefs[robot, task]
+    belief = belief_of(m, robot, task)
     known_done = belief.time >= 0.0 and belief.status == DONE
-    return known_done or not is_compatible(m.robots[robot].embodiment, believed_type(m, robot, task))
+    return known_done or not is_compatible(robot_of(m, robot).embodiment, believed_type(m, robot, task))
 
 
 @kernel
 def learn_task(m, receiver, task, task_type, status, progress, time, sensed):
     """Merge one piece of task evidence; a robot whose held task is contradicted becomes due."""
-    belief = m.beliefs[receiver, task]
+    belief = belief_of(m, receiver, task)
     known = belief.time >= 0.0
     if (known and belief.status == DONE) or (time <= belief.time and status != DONE):
         return
@@ -47,14 +48,14 @@ def learn_task(m, receiver, task, task_type, status, progress, time, sensed):
     belief.status = status
     belief.progress = progress
     belief.sensed = sensed
-    if receiver < m.robots.shape[0] and m.robots[receiver].task == task and is_ruled_out(m, receiver, task):
-        m.robots[receiver].due = 1
+    if receiver < m.n_robots and robot_of(m, receiver).task == task and is_ruled_out(m, receiver, task):
+        robot_of(m, receiver).due = 1
 
 
 @kernel
 def write_peer(m, record, r, time):
     """Fill a record with robot r's true state, as it reports it itself."""
-    robot = m.robots[r]
+    robot = robot_of(m, r)
     record.time = time
     record.x = robot.x
     record.y = robot.y
@@ -62,34 +63,34 @@ def write_peer(m, record, r, time):
     record.mode = robot.mode
     record.controller = robot.controller
     record.task = robot.task
-    record.progress = m.tasks[robot.task].progress if robot.task >= 0 else 0.0
+    record.progress = task_of(m, robot.task).progress if robot.task >= 0 else 0.0
     record.request_time = robot.last_request
 
 
 @kernel
 def learn_peer(m, receiver, r, record):
     """Merge a robot's report of itself; returns whether its task, activity or mode is news."""
-    held = m.peers[receiver, r]
+    held = peer_of(m, receiver, r)
     if record.time <= held.time:
         return False
-    inbox = m.inboxes[receiver]
+    inbox = inbox_of(m, receiver)
     if held.time < 0.0:
         inbox.known += 1
         inbox.time_sum += record.time
     else:
         inbox.time_sum += record.time - held.time
     news = held.task != record.task or held.activity != record.activity or held.mode != record.mode
-    m.peers[receiver, r] = record
+    copy_record(held, record)
     return news
 
 
 @kernel
 def age_records(m, now):
     """Add this second's ages of the robot records at every living receiver (age of information)."""
-    n_robots = m.robots.shape[0]
+    n_robots = m.n_robots
     for receiver in range(n_robots + 1):
-        if receiver == n_robots or m.robots[receiver].failed_at == NEVER:
-            inbox = m.inboxes[receiver]
+        if receiver == n_robots or robot_of(m, receiver).failed_at == NEVER:
+            inbox = inbox_of(m, receiver)
             inbox.age_sum += inbox.known * now - inbox.time_sum
             inbox.samples += inbox.known
 
@@ -97,15 +98,15 @@ def age_records(m, now):
 @kernel
 def sense(m, r, now):
     """Robot r sees the true state of every released task within its radius."""
-    robot = m.robots[r]
+    robot = robot_of(m, r)
     x, y = robot.x, robot.y
-    radius2 = m.rules[0].sensing_radius ** 2
-    for j in range(m.tasks.shape[0]):
-        task = m.tasks[j]
+    radius2 = m.rules.sensing_radius ** 2
+    for j in range(m.n_tasks):
+        task = task_of(m, j)
         dx, dy = task.x - x, task.y - y
         if dx * dx + dy * dy <= radius2 or (j == robot.task and dx == 0.0 and dy == 0.0):
             if task.released:
-                learn_task(m, r, j, task.type, task.status, task.progress, now, 1)
+                learn_task(m, r, j, task.type, task.status, task.progress, float(now), 1)
 
 
 @kernel
@@ -117,9 +118,9 @@ def freshness(belief, task, own_task):
 @kernel
 def freshest(m, r, only_sensed, limit, message):
     """Copy robot r's `limit` freshest task records into a message, newest first."""
-    own, count = m.robots[r].task, 0
-    for j in range(m.tasks.shape[0]):
-        belief = m.beliefs[r, j]
+    own, count = robot_of(m, r).task, 0
+    for j in range(m.n_tasks):
+        belief = belief_of(m, r, j)
         if belief.time < 0.0 or (only_sensed and not belief.sensed) or limit == 0:
             continue
         rank = freshness(belief, j, own)

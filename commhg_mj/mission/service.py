@@ -5,6 +5,7 @@ import numpy as np
 from ..kernels import kernel
 from ..models.routes import DIRECT, best_start, find_visible, is_clear
 from ..terms import NOBODY, Activity, Embodiment, Mode, Status
+from .access import corners, next_hop, operator_of, robot_of, route_frames, seen, seen_distance, task_of, to_goal
 from .randomness import Event, uniform
 from .records import is_compatible
 
@@ -18,10 +19,10 @@ SERVICE = int(Event.SERVICE)
 @kernel
 def drop_task(m, r):
     """Robot r gives up its task; its progress stays."""
-    robot = m.robots[r]
+    robot = robot_of(m, r)
     if robot.task == NOBODY:
         return
-    task = m.tasks[robot.task]
+    task = task_of(m, robot.task)
     task.owner = NOBODY
     if robot.activity == SERVICING:
         task.status = OPEN
@@ -33,53 +34,53 @@ def drop_task(m, r):
 @kernel
 def finish_task(m, r):
     """Robot r has no use for its task any more: it idles and is due; its operator may switch freely."""
-    robot = m.robots[r]
+    robot = robot_of(m, r)
     drop_task(m, r)
     robot.due = 1
     if robot.controller != NOBODY:
-        m.operators[robot.controller].exempt = 1
+        operator_of(m, robot.controller).exempt = 1
 
 
 @kernel
 def take_task(m, r, j):
     """Robot r owns task j and sets out for it."""
-    robot = m.robots[r]
+    robot = robot_of(m, r)
     robot.task = j
     robot.activity = TRAVELLING
-    m.tasks[j].owner = r
+    task_of(m, j).owner = r
     plan_route(m, r)
 
 
 @kernel
 def plan_route(m, r):
     """Aim at the task, for a ground robot over the first corner of its shortest route."""
-    robot, ground = m.robots[r], m.ground
-    task = m.tasks[robot.task]
+    robot = robot_of(m, r)
+    task = task_of(m, robot.task)
     robot.hop = DIRECT
     robot.waypoint_x, robot.waypoint_y = task.x, task.y
-    if robot.embodiment != UGV or is_clear(ground.route_frames, robot.x, robot.y, task.x, task.y):
+    if robot.embodiment != UGV or is_clear(route_frames(m), robot.x, robot.y, task.x, task.y):
         return
-    count = find_visible(ground.route_frames, ground.corners, robot.x, robot.y, ground.seen, ground.seen_distance)
-    _, corner = best_start(ground.to_goal, robot.task, ground.seen, ground.seen_distance, count)
+    count = find_visible(route_frames(m), corners(m), robot.x, robot.y, seen(m), seen_distance(m))
+    _, corner = best_start(to_goal(m), robot.task, seen(m), seen_distance(m), count)
     aim_at_corner(m, robot, corner)
 
 
 @kernel
 def aim_at_corner(m, robot, corner):
     """Make a corner of the route, or the goal behind the last one, the next waypoint."""
-    task = m.tasks[robot.task]
+    task = task_of(m, robot.task)
     robot.hop = corner
     if corner == DIRECT:
         robot.waypoint_x, robot.waypoint_y = task.x, task.y
     else:
-        robot.waypoint_x, robot.waypoint_y = m.ground.corners[corner, 0], m.ground.corners[corner, 1]
+        robot.waypoint_x, robot.waypoint_y = corners(m)[corner, 0], corners(m)[corner, 1]
 
 
 @kernel
 def travel(m, r):
     """One second on the way; service starts on arrival if the true type permits it."""
-    robot = m.robots[r]
-    left = m.rules[0].speed[1 if robot.mode == CONTROLLED else 0, robot.embodiment]
+    robot = robot_of(m, r)
+    left = m.rules.speed[1 if robot.mode == CONTROLLED else 0, robot.embodiment]
     while True:
         dx, dy = robot.waypoint_x - robot.x, robot.waypoint_y - robot.y
         distance = np.hypot(dx, dy)
@@ -91,18 +92,18 @@ def travel(m, r):
         robot.x, robot.y = robot.waypoint_x, robot.waypoint_y
         if robot.hop == DIRECT:
             break
-        aim_at_corner(m, robot, m.ground.next_hop[robot.task, robot.hop])
+        aim_at_corner(m, robot, next_hop(m)[robot.task, robot.hop])
     arrive(m, r)
 
 
 @kernel
 def arrive(m, r):
     """At the POI: start service, or discover that there is none to give."""
-    robot, info = m.robots[r], m.info[0]
-    task = m.tasks[robot.task]
+    robot = robot_of(m, r)
+    task = task_of(m, robot.task)
     if not is_compatible(robot.embodiment, task.type):
-        info.incompatibles += 1
-        info.tick_reward[1] -= m.rules[0].incompatible_cost
+        m.incompatibles += 1
+        m.tick_reward[1] -= m.rules.incompatible_cost
         finish_task(m, r)
     elif task.status == DONE:
         finish_task(m, r)
@@ -121,12 +122,12 @@ def service_time(rules, operator, embodiment, difficulty):
 @kernel
 def serve(m, r, now):
     """One second of service; at full progress the attempt succeeds or fails."""
-    robot, rules, info = m.robots[r], m.rules[0], m.info[0]
+    robot, rules = robot_of(m, r), m.rules
     if robot.mode == HANDOVER:
         return
-    task = m.tasks[robot.task]
+    task = task_of(m, robot.task)
     if robot.mode == CONTROLLED:
-        operator = m.operators[robot.controller]
+        operator = operator_of(m, robot.controller)
         seconds = service_time(rules, operator, robot.embodiment, task.difficulty)
         p = rules.success_controlled
         success = p[0] - p[1] * task.difficulty - p[2] * operator.fatigue
@@ -136,7 +137,7 @@ def serve(m, r, now):
     task.progress = min(1.0, task.progress + 1.0 / seconds)
     if task.progress < 1.0 - 1e-9:
         return
-    if uniform(info.seed, SERVICE, now, r, robot.task) < success:
+    if uniform(m.seed, SERVICE, now, r, robot.task) < success:
         complete(m, r, now + 1)
     else:
         task.progress = 0.0
@@ -147,16 +148,15 @@ def serve(m, r, now):
 @kernel
 def complete(m, r, time):
     """The task is done for good; its value counts, discounted when late (paper, eq. 4)."""
-    info = m.info[0]
-    j = m.robots[r].task
-    task = m.tasks[j]
+    j = robot_of(m, r).task
+    task = task_of(m, j)
     finish_task(m, r)
     task.progress = 1.0
     task.status = DONE
     task.done_at = time
     task.done_by = r
-    info.pending_value -= task.value
-    info.tick_reward[0] += task.value * timeliness(task.deadline, task.decay, time) / info.total_value
+    m.pending_value -= task.value
+    m.tick_reward[0] += task.value * timeliness(task.deadline, task.decay, time) / m.total_value
 
 
 @kernel

@@ -1,18 +1,25 @@
 """The state of a batch of missions: a few arrays of records, leading axis = missions.
 
 One record type a subject, so that a rule reads like its sentence in the design (`robot.task = task`) and
-one compiled kernel serves every team and map size. `state.robots["x"]` is an [missions, robots] view;
-a snapshot is one copy of each array. Times are seconds since the mission's start; NEVER marks none.
+one compiled kernel serves every team and map size. `state.robots["x"]` is an [missions, robots] view.
+Times are seconds since the mission's start; NEVER marks none. Counts and indices are 8-byte integers
+wherever kernels pass them on, so that each kernel is compiled once.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
+from ..models.layout import unit_frame
+from ..models.routes import MAX_VISIBLE
+from ..models.world import World
+from ..scenarios import Scenario
 from ..terms import Fate, Kind
 
 NEVER = -1.0
 MAX_SHARED = 8  # task records in one message
+N_UPLINK_PLACES = 3  # query, request, telemetry, by priority
+N_SEEN = MAX_VISIBLE
 
 
 def record(**fields) -> np.dtype:
@@ -21,35 +28,49 @@ def record(**fields) -> np.dtype:
 
 
 RULES = record(  # a scenario's numbers as the kernels read them
-    link_model="i4", robot_period="i4", operator_period="i4", out_degree="i4", delay="i4", late_low="i4", late_high="i4",
-    time_limit="i4", initial_phase_end="i4", broadcast_records="i4", telemetry_records="i4", message_bytes=("i4", (len(Kind),)),
-    speed=("f8", (2, 2)), hazard="f8", controlled_hazard="f8", sensing_radius="f8", range="f8", on_time="f8", forest_decay="f8",
-    mountain_decay="f8", bucket="f8", refill="f8", time_to_live="f8", telemetry_period="f8", service_base="f8",
-    service_per_difficulty="f8", success_autonomous=("f8", (2,)), success_controlled=("f8", (3,)), fatigue_rate="f8",
-    recovery_rate="f8", travel_workload="f8", service_workload=("f8", (2,)), fatigue_slowdown="f8", handover="f8", lease="f8",
-    renewal_period="f8", bid_timeout="f8", refusal="f8", pending_cost="f8", switch_cost="f8", incompatible_cost="f8",
-    conflict_cost="f8",
+    link_model="i8", robot_period="i8", operator_period="i8", out_degree="i8", delay="i8", late_low="i8", late_high="i8",
+    time_limit="i8", initial_phase_end="i8", broadcast_records="i8", telemetry_records="i8",
+    message_bytes=("i8", (len(Kind),)), speed=("f8", (2, 2)), hazard="f8", controlled_hazard="f8", sensing_radius="f8",
+    range="f8", on_time="f8", forest_decay="f8", mountain_decay="f8", bucket="f8", refill="f8", time_to_live="f8",
+    telemetry_period="f8", service_base="f8", service_per_difficulty="f8", success_autonomous=("f8", (2,)),
+    success_controlled=("f8", (3,)), fatigue_rate="f8", recovery_rate="f8", travel_workload="f8",
+    service_workload=("f8", (2,)), fatigue_slowdown="f8", handover="f8", lease="f8", renewal_period="f8", bid_timeout="f8",
+    refusal="f8", pending_cost="f8", switch_cost="f8", incompatible_cost="f8", conflict_cost="f8",
 )  # fmt: skip
 
-MISSION = record(  # one a mission
-    seed="u8", now="i4", over="i1", messages="i4", flying="i4", total_value="f8", pending_value="f8", reward=("f8", (2,)),
-    tick_reward=("f8", (2,)), switches="i4", incompatibles="i4", conflicts="i4", refusals="i4",
+# Where the arrays of one mission lie (mission/access.py): its state, its world, scratch, its log.
+ADDRESSES = (
+    "robots_at", "operators_at", "tasks_at", "beliefs_at", "peers_at", "inboxes_at", "resources_at", "tips_at", "uplinks_at",
+    "downlinks_at", "air_at", "flying_at", "counters_at", "frames_at", "kinds_at", "route_frames_at", "corners_at",
+    "to_goal_at", "next_hop_at", "intervals_at", "seen_at", "seen_distance_at", "log_robots_at", "log_operators_at",
+    "log_messages_at", "log_rewards_at", "log_links_at", "log_beliefs_at", "log_peers_at", "log_resources_at",
+)  # fmt: skip
+COUNTS = (
+    "n_robots", "n_operators", "n_tasks", "n_uplink_places", "n_downlink_places", "n_parts", "n_corners", "n_link_columns",
+    "n_log_ticks", "n_log_messages",
+)  # fmt: skip
+
+MISSION = record(
+    rules=(RULES,), seed="u8", now="i8", over="i1", messages="i8", flying="i8", total_value="f8", pending_value="f8",
+    reward=("f8", (2,)), tick_reward=("f8", (2,)), switches="i8", incompatibles="i8", conflicts="i8", refusals="i8",
+    **{name: "i8" for name in COUNTS + ADDRESSES},
 )  # fmt: skip
 
 ROBOT = record(
-    embodiment="i1", x="f8", y="f8", activity="i1", mode="i1", task="i2", controller="i1", waypoint_x="f8", waypoint_y="f8",
-    hop="i2", handover_until="f8", lease_until="f8", tokens="f8", due="i1", prescribed="i1", next_decision="i4",
+    embodiment="i8", x="f8", y="f8", activity="i8", mode="i8", task="i8", controller="i8", waypoint_x="f8", waypoint_y="f8",
+    hop="i8", handover_until="f8", lease_until="f8", tokens="f8", due="i8", prescribed="i8", next_decision="i8",
     next_telemetry="f8", last_broadcast="f8", last_request="f8", failed_at="f8",
 )  # fmt: skip
 
 OPERATOR = record(
-    proficiency=("f8", (2,)), capacity="f8", fatigue="f8", session="i1", robot="i2", bid_at="f8", renewed_at="f8", exempt="i1",
-    tokens="f8", due="i1", next_decision="i4", control_time="f8",
+    proficiency=("f8", (2,)), capacity="f8", fatigue="f8", session="i8", robot="i8", bid_at="f8", renewed_at="f8", exempt="i8",
+    tokens="f8", due="i8", next_decision="i8", control_time="f8",
 )  # fmt: skip
 
 TASK = record(
-    x="f8", y="f8", announced="i1", type="i1", changes_to="i1", change_at="f8", changed_at="f8", difficulty="f8", value="f8",
-    deadline="f8", decay="f8", release="f8", released="i1", status="i1", progress="f8", owner="i2", done_at="f8", done_by="i2",
+    x="f8", y="f8", announced="i8", type="i8", changes_to="i8", change_at="f8", changed_at="f8", difficulty="f8", value="f8",
+    deadline="f8", decay="f8", release="f8", released="i8", status="i8", progress="f8", owner="i8", done_at="f8",
+    done_by="i8",
 )  # fmt: skip
 
 BELIEF = record(  # what a robot (or the station) holds of a task; `time` is when it was true at its origin
@@ -65,19 +86,36 @@ RESOURCE = record(  # what a robot holds of an operator, from its replies
 )  # fmt: skip
 
 INBOX = record(  # age of information: of robot records at one receiver, summed over seconds
-    known="i4", time_sum="f8", age_sum="f8", samples="i8",
+    known="i8", time_sum="f8", age_sum="f8", samples="i8",
 )  # fmt: skip
 
-WAITING = record(since="f8", target="i2", kind="i1", log="i4")  # a queued message; empty when since is NEVER
+TIP = record(time="f4")  # evidence time of the last tip on a task that the station sent to a robot
+
+WAITING = record(since="f8", target="i8", kind="i8", log="i8")  # a queued message; empty when since is NEVER
 
 MESSAGE = record(  # in the air
-    kind="i1", sender="i2", receiver="i2", due="i4", sent="i4", log="i4", robot=PEER, resource=RESOURCE, records="i4",
-    task=("i2", (MAX_SHARED,)), belief=(BELIEF, (MAX_SHARED,)),
+    kind="i8", sender="i8", receiver="i8", due="i8", sent="i8", log="i8", records="i8", robot=(PEER,), resource=(RESOURCE,),
+    task=("i8", (MAX_SHARED,)), belief=(BELIEF, (MAX_SHARED,)),
 )  # fmt: skip
+
+FLYING = record(slot="i8")
 
 COUNTERS = record(  # one a message kind
     attempted="i8", sent="i8", bytes="i8", late="i8", latency_sum="i8", fate=("i8", (len(Fate),)),
 )  # fmt: skip
+
+# What a recorded mission writes down (mission/log.py).
+ROBOT_ROW = record(
+    x="f4", y="f4", progress="f4", tokens="f4", task="i2", choice="i2", activity="i1", mode="i1", controller="i1",
+    broadcast="i1", query="i1", request="i1",
+)  # fmt: skip
+OPERATOR_ROW = record(fatigue="f4", tokens="f4", robot="i2", choice="i2", session="i1")
+MESSAGE_ROW = record(queued="i4", sent="i4", ended="i4", sender="i2", receiver="i2", kind="i1", fate="i1", late="i1")
+REWARD_ROW = record(mission="f8", coordination="f8")
+LINK_ROW = record(percent="u1")
+BELIEF_ROW = record(time="i4", progress="u1", type="i1", status="i1", refused="i1")
+PEER_ROW = record(time="i4", task="i2", x="f4", y="f4", activity="i1", mode="i1", controller="i1")
+RESOURCE_ROW = record(time="i4", tokens="i2", queue="i2", robot="i2", session="i1", fatigue_class="i1")
 
 
 class State(NamedTuple):
@@ -91,21 +129,35 @@ class State(NamedTuple):
     peers: np.ndarray  # [E, R + 1, R] PEER
     inboxes: np.ndarray  # [E, R + 1] INBOX
     resources: np.ndarray  # [E, R, H] RESOURCE
-    tips: np.ndarray  # [E, R, T] f4: evidence time of the last tip that the station sent to the robot
-    uplinks: np.ndarray  # [E, R, 3] WAITING: query, request, telemetry, by priority
+    tips: np.ndarray  # [E, R, T] TIP
+    uplinks: np.ndarray  # [E, R, N_UPLINK_PLACES] WAITING
     downlinks: np.ndarray  # [E, H, 1 + R] WAITING: the command, then a reply to each robot
     air: np.ndarray  # [E, slots] MESSAGE
-    flying: np.ndarray  # [E, slots] i4: slots in use (the first mission.flying), then free ones
+    flying: np.ndarray  # [E, slots] FLYING: slots in use (the first mission.flying), then free ones
     counters: np.ndarray  # [E, kinds] COUNTERS
 
 
-def new_state(n_missions: int, scenario) -> State:
+class Ground(NamedTuple):
+    """One world as the kernels read it."""
+
+    frames: np.ndarray  # [parts, 6] footprints -> unit circle
+    kinds: np.ndarray  # [parts] Footprint
+    route_frames: np.ndarray  # [parts, 6] inflated footprints -> unit circle
+    corners: np.ndarray  # [corners, 6]
+    to_goal: np.ndarray  # [T, corners] f4
+    next_hop: np.ndarray  # [T, corners] i2
+    intervals: np.ndarray  # [2, parts] scratch of a link
+    seen: np.ndarray  # [N_SEEN] i4 scratch
+    seen_distance: np.ndarray  # [N_SEEN] scratch
+
+
+def new_state(n_missions: int, scenario: Scenario) -> State:
     """An empty state: nothing known, nothing queued, every robot idle."""
     e, r, h, t = n_missions, scenario.n_robots, scenario.n_operators, scenario.n_tasks
     transport = scenario.communication
     longest = max(transport.delay, *transport.late_delay)
-    # Per second a robot sends one broadcast and one uplink message at most, an operator one a queue place.
-    slots = (r * (min(transport.out_degree, r) + 3) + h * (1 + r)) * (longest + 1)
+    # In one second a robot sends one broadcast and one message a queue place at most, an operator likewise.
+    slots = (r * (min(transport.out_degree, r) + N_UPLINK_PLACES) + h * (1 + r)) * (longest + 1)
     state = State(
         missions=np.zeros(e, MISSION),
         robots=np.zeros((e, r), ROBOT),
@@ -115,13 +167,14 @@ def new_state(n_missions: int, scenario) -> State:
         peers=np.zeros((e, r + 1, r), PEER),
         inboxes=np.zeros((e, r + 1), INBOX),
         resources=np.zeros((e, r, h), RESOURCE),
-        tips=np.full((e, r, t), NEVER, np.float32),
-        uplinks=np.zeros((e, r, 3), WAITING),
+        tips=np.zeros((e, r, t), TIP),
+        uplinks=np.zeros((e, r, N_UPLINK_PLACES), WAITING),
         downlinks=np.zeros((e, h, 1 + r), WAITING),
         air=np.zeros((e, slots), MESSAGE),
-        flying=np.tile(np.arange(slots, dtype=np.int32), (e, 1)),
+        flying=np.zeros((e, slots), FLYING),
         counters=np.zeros((e, len(Kind)), COUNTERS),
     )
+    state.flying["slot"] = np.arange(slots)
     for records, fields in (
         (state.robots, ("task", "controller", "failed_at", "last_request")),
         (state.operators, ("robot",)),
@@ -129,6 +182,7 @@ def new_state(n_missions: int, scenario) -> State:
         (state.beliefs, ("time", "refused_until")),
         (state.peers, ("time", "task", "controller", "request_time")),
         (state.resources, ("time", "robot")),
+        (state.tips, ("time",)),
         (state.uplinks, ("since",)),
         (state.downlinks, ("since",)),
     ):
@@ -137,29 +191,60 @@ def new_state(n_missions: int, scenario) -> State:
     return state
 
 
-def rules_record(scenario, link_model: int, limitation: int) -> np.ndarray:
-    """[1] RULES of a scenario under one link model and one limitation level (index)."""
+def ground_of(world: World) -> Ground:
+    """The kernels' arrays of a world; its static ones are shared, scratch is its own."""
+    parts, routes = world.layout.parts, world.routes
+    return Ground(
+        frames=unit_frame(parts),
+        kinds=np.ascontiguousarray(parts["kind"]),
+        route_frames=routes.frames,
+        corners=routes.corners,
+        to_goal=routes.to_goal,
+        next_hop=routes.next_hop,
+        intervals=np.empty((2, max(1, len(parts)))),
+        seen=np.empty(N_SEEN, np.int32),
+        seen_distance=np.empty(N_SEEN),
+    )
+
+
+def wire(state: State, grounds: list[Ground], log) -> None:
+    """Tell every mission's record where its arrays lie; their owner must outlive the kernels' calls."""
+    missions = state.missions
+    missions["n_robots"], missions["n_operators"] = state.robots.shape[1], state.operators.shape[1]
+    missions["n_tasks"] = state.tasks.shape[1]
+    missions["n_uplink_places"], missions["n_downlink_places"] = state.uplinks.shape[2], state.downlinks.shape[2]
+    missions["n_link_columns"] = state.robots.shape[1] + 1
+    missions["n_log_ticks"], missions["n_log_messages"] = log.robots.shape[1], log.messages.shape[1]
+    for e, ground in enumerate(grounds):
+        mission = missions[e]
+        mission["n_parts"], mission["n_corners"] = len(ground.frames), len(ground.corners)
+        for prefix, arrays in (("", state._asdict()), ("log_", log._asdict())):
+            for name, array in arrays.items():
+                if name != "missions":
+                    mission[f"{prefix}{name}_at"] = array[e].ctypes.data
+        for name, array in ground._asdict().items():
+            assert array.flags.c_contiguous
+            mission[f"{name}_at"] = array.ctypes.data
+
+
+def write_rules(missions, scenario: Scenario, link_model: int, limitation: int) -> None:
+    """Fill in the scenario's numbers under one link model and one limitation level (index)."""
     side, limit = scenario.map_side, scenario.time_limit
-    robots, tasks, people, radio = scenario.robots, scenario.tasks, scenario.operators, scenario.communication
-    rules = np.zeros(1, RULES)
-    r = rules[0]
-    for table in (tasks, people, radio, scenario.decisions, scenario.reward):
+    robots, radio = scenario.robots, scenario.communication
+    rules = missions["rules"]
+    for table in (scenario.tasks, scenario.operators, radio, scenario.decisions, scenario.reward):
         for name in table.__dataclass_fields__:
             if name in RULES.names and name != "range":
-                r[name] = getattr(table, name)
-    r["link_model"] = link_model
-    r["time_limit"] = limit
-    r["initial_phase_end"] = round(scenario.decisions.initial_phase * limit)
-    r["late_low"], r["late_high"] = radio.late_delay
-    r["message_bytes"] = (
-        radio.broadcast_bytes, radio.telemetry_bytes, radio.query_bytes, radio.request_bytes, radio.control_bytes,
-        radio.renewal_bytes, radio.reply_bytes,
-    )  # fmt: skip
-    r["speed"] = (robots.autonomous_speed, robots.controlled_speed)
-    r["hazard"] = 1.0 - (1.0 - robots.malfunction) ** (1.0 / limit)
-    r["controlled_hazard"] = robots.controlled_hazard * r["hazard"]
-    r["sensing_radius"] = robots.sensing_radius * side
-    r["range"] = radio.range[limitation] * side
-    r["on_time"] = 1.0 - radio.unavailable_or_delayed[limitation]
-    r["pending_cost"] = scenario.reward.pending
-    return rules
+                rules[name] = getattr(table, name)
+    rules["link_model"] = link_model
+    rules["time_limit"] = limit
+    rules["initial_phase_end"] = round(scenario.decisions.initial_phase * limit)
+    rules["late_low"], rules["late_high"] = radio.late_delay
+    rules["message_bytes"] = [getattr(radio, f"{kind.name.lower()}_bytes") for kind in Kind]
+    rules["speed"] = (robots.autonomous_speed, robots.controlled_speed)
+    rules["hazard"] = 1.0 - (1.0 - robots.malfunction) ** (1.0 / limit)
+    rules["controlled_hazard"] = robots.controlled_hazard * rules["hazard"]
+    rules["sensing_radius"] = robots.sensing_radius * side
+    rules["range"] = radio.range[limitation] * side
+    rules["on_time"] = 1.0 - radio.unavailable_or_delayed[limitation]
+    rules["pending_cost"] = scenario.reward.pending

@@ -34,18 +34,21 @@ def find_link_model(name: str) -> LinkModel:
 
 
 @kernel
-def robot_link(rules, ground, ax, ay, bx, by):
-    """Robot-robot link: the share of packets that passes terrain, 0 beyond the range."""
+def robot_link(rules, frames, kinds, scratch, ax, ay, bx, by):
+    """Robot-robot link: the share of packets that passes terrain, 0 beyond the range.
+
+    Args:
+      rules: RULES record of the mission (link model, range and decay lengths in m).
+      frames, kinds, scratch: footprints, see `metres_inside`.
+    """
     if rules.link_model == PERFECT:
         return 1.0
     if np.hypot(bx - ax, by - ay) > rules.range:
         return 0.0
-    return planar_clearance(
-        ground.frames, ground.kinds, rules.forest_decay, rules.mountain_decay, ax, ay, bx, by, ground.scratch
-    )
+    return planar_clearance(frames, kinds, rules.forest_decay, rules.mountain_decay, ax, ay, bx, by, scratch)
 
 
 @kernel
-def station_link(rules, ground, x, y):
+def station_link(rules, x, y):
     """Robot-station link: as in the paper, without a range and without a terrain term."""
     return 1.0

@@ -1,0 +1,97 @@
+"""Greedy: the best immediate estimated utility out of local records, fixed communication (paper, IV-B)."""
+
+from ..kernels import kernel
+from ..mission.batch import MissionBatch, stay
+from ..mission.decide import Decisions
+from ..mission.estimate import control_gain, expected_utility
+from ..mission.observe import Observations
+from ..terms import IDLE, KEEP, NOBODY, REST, Activity, Session, Status
+from .schedule import follow_schedule
+
+IDLING, FAILED = int(Activity.IDLE), int(Activity.FAILED)
+SERVICING, RESTING, HELD = int(Activity.SERVICING), int(Session.REST), int(Session.HELD)
+SERVICED = int(Status.SERVICED)
+CLAIM_TRUST = 60.0  # s: a peer's claim or a report of service older than this is forgotten
+REPORT_TRUST = 30.0  # s: likewise for a robot's report at the station
+BETTER = 1.3  # a robot on its way turns only for a task this many times as good
+REQUESTED = 1.5  # an operator values a robot that asked for help this many times
+TIRED = 0.75  # an operator at or above this fatigue rests
+
+
+class Greedy:
+    """Callable policy; sees observations and the scenario's public numbers."""
+
+    def __init__(self, batch: MissionBatch):
+        self.rules = batch.rules
+
+    def __call__(self, observations: Observations) -> Decisions:
+        decisions = stay(observations)
+        choose_tasks(self.rules, observations, decisions)
+        choose_robots(self.rules, observations, decisions)
+        follow_schedule(observations, decisions)
+        return decisions
+
+
+@kernel
+def choose_tasks(rules, observations, decisions):
+    """Robots: the best legal task that no peer is known to work on."""
+    for i in range(observations.robots.shape[0]):
+        robot = observations.robots[i]
+        if robot.activity == SERVICING and robot.can_keep or not robot.can_idle:
+            continue
+        best, choice = 0.0, IDLE
+        if robot.can_keep:
+            best, choice = BETTER * utility(rules, robot, observations.robot_tasks[i, robot.task]), KEEP
+        for j in range(observations.robot_tasks.shape[1]):
+            row = observations.robot_tasks[i, j]
+            claimed = row.claimed_by != NOBODY and row.claim_age < CLAIM_TRUST
+            serviced = row.status == SERVICED and row.age < CLAIM_TRUST
+            if row.legal and not claimed and not serviced:
+                worth = utility(rules, robot, row)
+                if worth > best:
+                    best, choice = worth, j
+        decisions.task[i] = choice
+
+
+@kernel
+def utility(rules, robot, row):
+    """What the next attempt at a task promises per second."""
+    return expected_utility(
+        rules[0], row.distance, robot.speed, row.difficulty, row.value, row.deadline, row.decay, robot.time
+    )
+
+
+@kernel
+def choose_robots(rules, observations, decisions):
+    """Operators: the robot whose task gains most by control; what is held is kept while it gains."""
+    for i in range(observations.operators.shape[0]):
+        operator = observations.operators[i]
+        if operator.session != RESTING and not operator.exempt:
+            held = observations.operator_reports[i, operator.robot]
+            stale = held.age < 0.0 or held.age > operator.time - operator.since_bid
+            keeps = stale or operator.session != HELD or gain(rules, operator, held) > 0.0
+            decisions.operator[i] = KEEP if keeps else REST
+            continue
+        best, choice = 0.0, REST
+        for r in range(observations.operator_reports.shape[1]):
+            report = observations.operator_reports[i, r]
+            taken = report.controller != NOBODY and report.controller != operator.operator
+            if report.age < 0.0 or report.age > REPORT_TRUST or taken or operator.fatigue >= TIRED:
+                continue
+            worth = gain(rules, operator, report)
+            if 0.0 <= report.request_age < REPORT_TRUST:
+                worth *= REQUESTED
+            if worth > best and (report.legal or r == operator.robot):
+                best, choice = worth, KEEP if r == operator.robot else r
+        decisions.operator[i] = choice
+
+
+@kernel
+def gain(rules, operator, report):
+    """What control of a reported robot adds per second, 0 without a task."""
+    if report.task == NOBODY or report.activity == FAILED or report.activity == IDLING:
+        return 0.0
+    return control_gain(
+        rules[0], operator.proficiency[report.embodiment], operator.fatigue, report.embodiment,
+        report.distance, report.progress, report.difficulty, report.value, report.deadline, report.decay, operator.time,
+    )  # fmt: skip
