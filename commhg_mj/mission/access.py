@@ -14,6 +14,7 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 
 from ..kernels import kernel
+from ..models.routes import MAX_VISIBLE, Routes, Scratch
 from . import state as s
 
 WORD = ir.IntType(64)
@@ -111,42 +112,32 @@ def footprint_kinds(m):
 
 
 @kernel
-def route_frames(m):
-    """[parts, 6] maps of inflated footprints to the unit circle."""
-    return carray(_pointer(m.route_frames_at), (m.n_parts, 6), np.float64)
-
-
-@kernel
-def corners(m):
-    """[corners, 6] of the ground routes (models/routes.py)."""
-    return carray(_pointer(m.corners_at), (m.n_corners, 6), np.float64)
-
-
-@kernel
-def to_goal(m):
-    """[T, corners] lengths of shortest routes."""
-    return carray(_pointer(m.to_goal_at), (m.n_tasks, m.n_corners), np.float32)
-
-
-@kernel
-def next_hop(m):
-    """[T, corners] next corner on them."""
-    return carray(_pointer(m.next_hop_at), (m.n_tasks, m.n_corners), np.int16)
-
-
-@kernel
 def intervals(m):
     """[2, parts] scratch of a link."""
     return carray(_pointer(m.intervals_at), (2, m.n_parts), np.float64)
 
 
 @kernel
-def seen(m):
-    """[n] scratch: the corners of a route query, or the neighbours of a broadcast."""
-    return carray(_pointer(m.seen_at), (s.N_SEEN,), np.int32)
+def routes_of(m):
+    """The ground routes of the mission's world."""
+    return Routes(
+        carray(_pointer(m.route_frames_at), (m.n_parts, 6), np.float64),
+        carray(_pointer(m.corners_at), (m.n_corners, 6), np.float64),
+        carray(_pointer(m.goals_at), (m.n_tasks, 2), np.float64),
+        carray(_pointer(m.to_goal_at), (m.n_tasks, m.n_corners), np.float32),
+        carray(_pointer(m.next_hop_at), (m.n_tasks, m.n_corners), np.int16),
+        carray(_pointer(m.between_at), (m.n_tasks, m.n_tasks), np.float32),
+    )
 
 
 @kernel
-def seen_distance(m):
-    """[n] scratch: a number for each of `seen`."""
-    return carray(_pointer(m.seen_distance_at), (s.N_SEEN,), np.float64)
+def scratch_of(m):
+    """Scratch for route queries; between them it is free for other use."""
+    n = MAX_VISIBLE + m.n_tasks
+    return Scratch(
+        carray(_pointer(m.found_at), (n,), np.int32),
+        carray(_pointer(m.distance_at), (n,), np.float64),
+        carray(_pointer(m.dx_at), (n,), np.float32),
+        carray(_pointer(m.dy_at), (n,), np.float32),
+        carray(_pointer(m.clearance_at), (n,), np.float32),
+    )

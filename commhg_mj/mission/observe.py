@@ -9,10 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ..kernels import kernel
-from ..models.routes import best_start, find_visible, is_clear
+from ..models.routes import MAX_VISIBLE, measure_goals
 from ..terms import NOBODY, Activity, Embodiment, Kind, Mode, Session
 from .access import (
-    belief_of, corners, operator_of, peer_of, resource_of, robot_of, route_frames, seen, seen_distance, task_of, to_goal, uplink_of,
+    belief_of, operator_of, peer_of, resource_of, robot_of, routes_of, scratch_of, task_of, uplink_of,
 )  # fmt: skip
 from .records import believed_type, is_compatible, is_ruled_out
 from .state import record
@@ -117,8 +117,8 @@ def observe_robot(m, r, seen, tasks, peers, operators):
 @kernel
 def observe_tasks(m, r, is_prescribed, rows):
     """Public attributes, robot r's belief, the way there and the mask, task by task."""
-    robot, now = robot_of(m, r), m.now
-    n_seen = -1  # corners that robot r sees: looked up when the first task needs them
+    robot, now, n_routes = robot_of(m, r), m.now, 0
+    wanted = scratch_of(m).found
     for j in range(m.n_tasks):
         task, belief, row = task_of(m, j), belief_of(m, r, j), rows[j]
         row.claimed_by, row.claim_age = NOBODY, UNKNOWN
@@ -138,10 +138,24 @@ def observe_tasks(m, r, is_prescribed, rows):
         if is_ruled_out(m, r, j):
             continue
         row.legal = j != robot.task and not row.refused and not is_prescribed
-        if robot.embodiment == UGV and not is_clear(route_frames(m), robot.x, robot.y, task.x, task.y):
-            if n_seen < 0:
-                n_seen = find_visible(route_frames(m), corners(m), robot.x, robot.y, seen(m), seen_distance(m))
-            row.distance = best_start(to_goal(m), j, seen(m), seen_distance(m), n_seen)[0]
+        if robot.embodiment == UGV:
+            if robot.place != NOBODY:
+                row.distance = routes_of(m).between[robot.place, j]
+            else:
+                wanted[MAX_VISIBLE + n_routes] = j
+                n_routes += 1
+    if n_routes > 0:
+        measure_routes(m, robot, n_routes, rows)
+
+
+@kernel
+def measure_routes(m, robot, n_routes, rows):
+    """Route lengths from between POIs to the tasks listed at the end of the scratch."""
+    scratch = scratch_of(m)
+    wanted, lengths = scratch.found[MAX_VISIBLE:], scratch.distance[MAX_VISIBLE:]
+    measure_goals(routes_of(m), robot.x, robot.y, wanted, n_routes, lengths, scratch)
+    for k in range(n_routes):
+        rows[wanted[k]].distance = lengths[k]
 
 
 @kernel

@@ -5,7 +5,7 @@ import numpy as np
 from ..kernels import kernel
 from ..models.routes import DIRECT, best_start, find_visible, is_clear
 from ..terms import NOBODY, Activity, Embodiment, Mode, Status
-from .access import corners, next_hop, operator_of, robot_of, route_frames, seen, seen_distance, task_of, to_goal
+from .access import operator_of, robot_of, routes_of, scratch_of, task_of
 from .randomness import Event, uniform
 from .records import is_compatible
 
@@ -58,10 +58,11 @@ def plan_route(m, r):
     task = task_of(m, robot.task)
     robot.hop = DIRECT
     robot.waypoint_x, robot.waypoint_y = task.x, task.y
-    if robot.embodiment != UGV or is_clear(route_frames(m), robot.x, robot.y, task.x, task.y):
+    routes = routes_of(m)
+    if robot.embodiment != UGV or is_clear(routes.frames, robot.x, robot.y, task.x, task.y):
         return
-    count = find_visible(route_frames(m), corners(m), robot.x, robot.y, seen(m), seen_distance(m))
-    _, corner = best_start(to_goal(m), robot.task, seen(m), seen_distance(m), count)
+    count = find_visible(routes.frames, routes.corners, robot.x, robot.y, scratch_of(m))
+    _, corner = best_start(routes.to_goal, robot.task, scratch_of(m), count)
     aim_at_corner(m, robot, corner)
 
 
@@ -73,13 +74,14 @@ def aim_at_corner(m, robot, corner):
     if corner == DIRECT:
         robot.waypoint_x, robot.waypoint_y = task.x, task.y
     else:
-        robot.waypoint_x, robot.waypoint_y = corners(m)[corner, 0], corners(m)[corner, 1]
+        robot.waypoint_x, robot.waypoint_y = routes_of(m).corners[corner, 0], routes_of(m).corners[corner, 1]
 
 
 @kernel
 def travel(m, r):
     """One second on the way; service starts on arrival if the true type permits it."""
     robot = robot_of(m, r)
+    robot.place = NOBODY
     left = m.rules.speed[1 if robot.mode == CONTROLLED else 0, robot.embodiment]
     while True:
         dx, dy = robot.waypoint_x - robot.x, robot.waypoint_y - robot.y
@@ -92,7 +94,7 @@ def travel(m, r):
         robot.x, robot.y = robot.waypoint_x, robot.waypoint_y
         if robot.hop == DIRECT:
             break
-        aim_at_corner(m, robot, next_hop(m)[robot.task, robot.hop])
+        aim_at_corner(m, robot, routes_of(m).next_hop[robot.task, robot.hop])
     arrive(m, r)
 
 
@@ -101,6 +103,7 @@ def arrive(m, r):
     """At the POI: start service, or discover that there is none to give."""
     robot = robot_of(m, r)
     task = task_of(m, robot.task)
+    robot.place = robot.task
     if not is_compatible(robot.embodiment, task.type):
         m.incompatibles += 1
         m.tick_reward[1] -= m.rules.incompatible_cost

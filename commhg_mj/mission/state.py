@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..models.layout import unit_frame
-from ..models.routes import MAX_VISIBLE
+from ..models.routes import new_scratch
 from ..models.world import World
 from ..scenarios import Scenario
 from ..terms import Fate, Kind
@@ -19,7 +19,6 @@ from ..terms import Fate, Kind
 NEVER = -1.0
 MAX_SHARED = 8  # task records in one message
 N_UPLINK_PLACES = 3  # query, request, telemetry, by priority
-N_SEEN = MAX_VISIBLE
 
 
 def record(**fields) -> np.dtype:
@@ -42,7 +41,8 @@ RULES = record(  # a scenario's numbers as the kernels read them
 ADDRESSES = (
     "robots_at", "operators_at", "tasks_at", "beliefs_at", "peers_at", "inboxes_at", "resources_at", "tips_at", "uplinks_at",
     "downlinks_at", "air_at", "flying_at", "counters_at", "frames_at", "kinds_at", "route_frames_at", "corners_at",
-    "to_goal_at", "next_hop_at", "intervals_at", "seen_at", "seen_distance_at", "log_robots_at", "log_operators_at",
+    "goals_at", "to_goal_at", "next_hop_at", "between_at", "intervals_at", "found_at", "distance_at", "dx_at", "dy_at",
+    "clearance_at", "log_robots_at", "log_operators_at",
     "log_messages_at", "log_rewards_at", "log_links_at", "log_beliefs_at", "log_peers_at", "log_resources_at",
 )  # fmt: skip
 COUNTS = (
@@ -58,7 +58,7 @@ MISSION = record(
 
 ROBOT = record(
     embodiment="i8", x="f8", y="f8", activity="i8", mode="i8", task="i8", controller="i8", waypoint_x="f8", waypoint_y="f8",
-    hop="i8", handover_until="f8", lease_until="f8", tokens="f8", due="i8", prescribed="i8", next_decision="i8",
+    hop="i8", place="i8", handover_until="f8", lease_until="f8", tokens="f8", due="i8", prescribed="i8", next_decision="i8",
     next_telemetry="f8", last_broadcast="f8", last_request="f8", failed_at="f8",
 )  # fmt: skip
 
@@ -144,11 +144,16 @@ class Ground(NamedTuple):
     kinds: np.ndarray  # [parts] Footprint
     route_frames: np.ndarray  # [parts, 6] inflated footprints -> unit circle
     corners: np.ndarray  # [corners, 6]
+    goals: np.ndarray  # [T, 2]
     to_goal: np.ndarray  # [T, corners] f4
     next_hop: np.ndarray  # [T, corners] i2
+    between: np.ndarray  # [T, T] f4
     intervals: np.ndarray  # [2, parts] scratch of a link
-    seen: np.ndarray  # [N_SEEN] i4 scratch
-    seen_distance: np.ndarray  # [N_SEEN] scratch
+    found: np.ndarray  # this and the rest: scratch of a route query (models/routes.py)
+    distance: np.ndarray
+    dx: np.ndarray
+    dy: np.ndarray
+    clearance: np.ndarray
 
 
 def new_state(n_missions: int, scenario: Scenario) -> State:
@@ -176,7 +181,7 @@ def new_state(n_missions: int, scenario: Scenario) -> State:
     )
     state.flying["slot"] = np.arange(slots)
     for records, fields in (
-        (state.robots, ("task", "controller", "failed_at", "last_request")),
+        (state.robots, ("task", "place", "controller", "failed_at", "last_request")),
         (state.operators, ("robot",)),
         (state.tasks, ("owner", "done_at", "done_by", "changed_at", "change_at")),
         (state.beliefs, ("time", "refused_until")),
@@ -199,11 +204,12 @@ def ground_of(world: World) -> Ground:
         kinds=np.ascontiguousarray(parts["kind"]),
         route_frames=routes.frames,
         corners=routes.corners,
+        goals=routes.goals,
         to_goal=routes.to_goal,
         next_hop=routes.next_hop,
+        between=routes.between,
         intervals=np.empty((2, max(1, len(parts)))),
-        seen=np.empty(N_SEEN, np.int32),
-        seen_distance=np.empty(N_SEEN),
+        **new_scratch(len(routes.goals))._asdict(),
     )
 
 

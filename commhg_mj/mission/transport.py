@@ -7,7 +7,7 @@ h is address R + h, the station's shared table R + H.
 from ..kernels import kernel
 from ..terms import NOBODY, Activity, Fate, Kind
 from .access import (
-    belief_of, counters_of, downlink_of, flying_of, message_at, operator_of, peer_of, robot_of, seen, seen_distance, task_of, tip_of,
+    belief_of, counters_of, downlink_of, flying_of, message_at, operator_of, peer_of, robot_of, scratch_of, task_of, tip_of,
     uplink_of,
 )  # fmt: skip
 from .links import link_between, link_to_station
@@ -122,7 +122,7 @@ def broadcast(m, r, now):
     robot, rules = robot_of(m, r), m.rules
     robot.last_broadcast = now
     degree = min(rules.out_degree, m.n_robots - 1)
-    best, clearances, count = seen(m), seen_distance(m), 0  # both are free outside route queries
+    best, clearances, count = scratch_of(m).found, scratch_of(m).distance, 0
     for other in range(m.n_robots):
         peer = robot_of(m, other)
         if other == r or peer.activity == FAILED:

@@ -171,11 +171,12 @@ def _draw_surface(part, rng):
     u, v = m00 * x + m01 * y, m10 * x + m11 * y
     radius, bearing = np.hypot(u, v), np.arctan2(v, u)
     cone = np.clip(1.0 - radius, 0, None)
-    ridges = sum(
-        np.cos(k * bearing + rng.uniform(0, 2 * np.pi) + 2.0 * radius * rng.uniform(-1, 1)) * rng.uniform(0.4, 1.0) / k
-        for k in (2, 3, 5, 7)
-    )
+    # Folded waves make sharp crests with round gullies between them, bent a little on their way down.
+    crests = 0.0
+    for k in (3, 5, 8):
+        bend, strength = rng.uniform(-1, 1) * radius, rng.uniform(0.5, 1.0) / k
+        crests = crests + strength * (0.6 - np.abs(np.sin(k / 2 * bearing + rng.uniform(0, 2 * np.pi) + bend)))
     lumps = np.cos(5 * u + rng.uniform(0, 6.28)) * np.cos(5 * v + rng.uniform(0, 6.28))
-    surface = cone**1.1 * (1.0 + 0.28 * ridges * np.minimum(1.0, 3 * radius) + 0.15 * lumps)
+    surface = cone**1.15 * (1.0 + 1.3 * crests * np.minimum(1.0, 3 * radius) + 0.15 * lumps)
     surface = np.clip(surface, 0, None)
     return np.round(surface / surface.max() * part["height"], 2)

@@ -10,9 +10,9 @@ TERRAIN_REACH = 1.3  # sides: the textured ground is this wide, so that it can f
 HORIZON_REACH = 14.0  # sides from the map's centre to the rim of the far ground, where haze hides it
 HAZE_DISTANCE = 3.5  # sides: along this way haze swallows 63 % of the far ground's colour
 
-TREE_AREA = 48.0  # m² of forest per tree, more where MOST_TREES would be exceeded
+TREE_AREA = 44.0  # m² of forest per tree, more where MOST_TREES would be exceeded
 MOST_TREES = 6500
-FEWEST_TREES = 10  # per forest, however small it is
+FEWEST_TREES = 40  # per forest, however small it is
 LARGE_CLUMP, SMALL_CLUMP = 14, 3  # trees; small clumps fill the rim that large ones leave
 BARK, CONIFER, BROADLEAF = range(3)  # bands of the foliage texture
 
@@ -65,22 +65,26 @@ def mountain_mesh(part, surface, side) -> Mesh:
     return Mesh(vertices, faces.reshape(-1, 3), uv)
 
 
-def horizon_mesh(side) -> Mesh:
-    """The ground from the terrain's square edge to a far circle; v is the share of haze in its colour."""
-    bearing = np.linspace(0, 2 * np.pi, 64, endpoint=False)
+def horizon_mesh(side, rng: np.random.Generator) -> Mesh:
+    """The ground from the terrain's square edge to a far circle, with hills; v is the share of haze in its colour."""
+    bearing = np.linspace(0, 2 * np.pi, 161)
     direction = np.stack([np.cos(bearing), np.sin(bearing)], axis=-1)
     near = TERRAIN_REACH / 2 / np.abs(direction).max(axis=1)
-    steps = np.linspace(0, 1, 10)[:, None]
+    steps = np.linspace(0, 1, 17)[:, None]
     reach = near ** (1 - steps) * HORIZON_REACH**steps
-    haze = 1 - np.exp((TERRAIN_REACH / 2 - reach) / HAZE_DISTANCE)
-    haze = np.clip(haze / haze[-1], 0, 1)
-    xy = np.round((reach[..., None] * direction + 0.5) * side, 2)
-    vertices = np.concatenate([xy, np.zeros((*reach.shape, 1))], axis=-1).reshape(-1, 3)
+    haze = 1 - np.exp((near - reach) / HAZE_DISTANCE)
+    haze = np.clip(haze / haze[-1], 0.01, 0.99)
+    waves = np.arange(3, 19, 2)[:, None, None]
+    ridges = np.sum(np.cos(waves * bearing + rng.uniform(0, 2 * np.pi, (8, 17, 1))) / waves**0.5, axis=0)
+    # Hills rise with the distance, on every other ring; the last ring is level, so that it meets the sky.
+    hills = 0.04 * np.abs(ridges) * np.clip(reach - 2.0, 0, None) * (np.arange(17) % 2)[:, None]
+    xyz = np.concatenate([reach[..., None] * direction, hills[..., None]], axis=-1)
+    vertices = np.round(xyz * side, 1).reshape(-1, 3)
     node = np.arange(len(vertices)).reshape(reach.shape)
-    inner, outer = node[:-1], node[1:]
-    inner_next, outer_next = np.roll(inner, -1, axis=1), np.roll(outer, -1, axis=1)
+    inner, inner_next, outer, outer_next = node[:-1, :-1], node[:-1, 1:], node[1:, :-1], node[1:, 1:]
     faces = [np.stack([inner, outer, outer_next], -1), np.stack([inner, outer_next, inner_next], -1)]
-    return Mesh(vertices, np.stack(faces).reshape(-1, 3), np.stack([np.full(haze.size, 0.5), haze.ravel()], -1))
+    around = np.broadcast_to(bearing / (2 * np.pi), reach.shape)
+    return Mesh(vertices, np.stack(faces).reshape(-1, 3), np.stack([around, haze], -1).reshape(-1, 2))
 
 
 def diamond_mesh(radius) -> Mesh:
@@ -118,7 +122,7 @@ def _spots(parts, radius, taken, rng):
     reach = parts["a"] - radius
     low = np.min([parts["x"] - reach, parts["y"] - reach], axis=1)
     high = np.max([parts["x"] + reach, parts["y"] + reach], axis=1)
-    step = 1.85 * radius
+    step = 1.75 * radius
     columns, rows = np.maximum(np.ceil((high - low) / (step, 0.87 * step)), 1).astype(int) + 1
     column, row = np.meshgrid(np.arange(columns), np.arange(rows))
     grid = np.stack([low[0] + step * (column + 0.5 * (row % 2)), low[1] + 0.87 * step * row], axis=-1).reshape(-1, 2)
@@ -148,29 +152,31 @@ def _draw_clump(size, radius, canopy, conifers, rng):
     return np.column_stack([xy, height, crown, band])
 
 
-def clump_mesh(trees, rng: np.random.Generator) -> Mesh:
-    """One mesh of a clump's trees [k, 5] (`Forest.clumps`)."""
-    shapes = [_draw_tree(int(tree[4]), rng) for tree in trees]
+def tree_shapes(rng: np.random.Generator) -> dict:
+    """A few unit trees per band, for `clump_mesh`."""
+    return {band: [_draw_tree(band, rng) for _ in range(8)] for band in (CONIFER, BROADLEAF)}
+
+
+def clump_mesh(trees, shapes: dict, rng: np.random.Generator) -> Mesh:
+    """One mesh of a clump's trees [k, 5] (`Forest.clumps`), each some shape of its band."""
     vertices, faces, uv, count = [], [], [], 0
-    for (x, y, height, crown, _), shape in zip(trees, shapes):
+    for (x, y, height, crown, band), index in zip(trees, rng.integers(8, size=len(trees))):
+        shape = shapes[int(band)][index]
         vertices.append(shape.vertices * [crown, crown, height] + [x, y, 0])
         faces.append(shape.faces + count)
         uv.append(shape.uv)
         count += len(shape.vertices)
-    return Mesh(np.round(np.concatenate(vertices), 3), np.concatenate(faces), np.round(np.concatenate(uv), 4))
+    return Mesh(np.round(np.concatenate(vertices), 3), np.concatenate(faces), np.concatenate(uv))
 
 
 def _draw_tree(band, rng) -> Mesh:
     """A tree of unit height and unit crown radius; v runs from shade (0) to light (1)."""
-    crown = _draw_conifer(rng) if band == CONIFER else _draw_broadleaf(rng)
-    trunk = _prism(0.10, 0.45)
-    hue = (band + rng.uniform(0.2, 0.8)) / 3
-    uv = np.concatenate([
-        np.column_stack([np.full(len(crown[0]), hue), crown[2]]),
-        np.column_stack([np.full(len(trunk[0]), (BARK + 0.5) / 3), np.linspace(0.2, 0.8, len(trunk[0]))]),
-    ])
-    faces = np.concatenate([crown[1], trunk[1] + len(crown[0])])
-    return Mesh(np.concatenate([crown[0], trunk[0]]), faces, uv)
+    crown, crown_faces, light = _draw_conifer(rng) if band == CONIFER else _draw_broadleaf(rng)
+    trunk, trunk_faces = _prism(0.10, 0.45)
+    hue = np.repeat([(band + rng.uniform(0.2, 0.8)) / 3, (BARK + 0.5) / 3], [len(crown), len(trunk)])
+    uv = np.column_stack([hue, np.concatenate([light, np.linspace(0.2, 0.8, len(trunk))])])
+    faces = np.concatenate([crown_faces, trunk_faces + len(crown)])
+    return Mesh(np.concatenate([crown, trunk]), faces, np.round(uv, 4))
 
 
 def _draw_conifer(rng, segments=6):

@@ -1,6 +1,6 @@
 """From a world to its MuJoCo model: geometry for rays, and everything the eye wants to see.
 
-Names: bodies `uav0`, …, `ugv0`, … (mocap; the order of mocap ids is `Scenario.robot_names`), `station`,
+Names: bodies `uav0`, …, `ugv0`, … (mocap; the order of mocap ids is `Scenario.robot_names`), `station`, `mast`,
 `operator0`, …, `poi0`, …; parts of an attached asset are `<body>/<part>`, as in `uav0/rotor0`. A rotor is a child
 body with a hinge of the same name: set its qpos (rad) to spin it. A POI's geoms `poi0/disc`, `poi0/beam` and
 `poi0/marker` carry their colour in `geom_rgba`. Fixed cameras: `overview`, `station`, `map` (from far above).
@@ -17,6 +17,7 @@ import numpy as np
 
 from ..terms import TaskType
 from . import meshes, textures
+from .cameras import add_cameras
 from .world import World
 
 XML = Path(__file__).parent.parent / "xml"
@@ -29,7 +30,7 @@ TYPE_COLOURS = {  # distinguishable with every kind of colour vision; robots wea
     TaskType.GENERAL: (0.95, 0.42, 0.80),
 }
 BEAM_ALPHA = 0.35
-MAP_FOVY = 10  # degrees: so little that the map looks flat
+PAD_TOP = 0.05  # m at scale 1: the floor of station.xml
 
 
 class Group(IntEnum):
@@ -48,12 +49,13 @@ def robot_body_name(scenario, robot: int) -> str:
 
 def display_scale(side: float) -> float:
     """Span [m] at which robots are drawn: on a 2 km map a real one would be smaller than a pixel."""
-    return round(max(1.0, side / 140), 1)
+    return round(max(1.0, side / 100), 1)
 
 
 def station_scale(world: World) -> float:
-    """Enlargement of the station's buildings; they stay below the mast, which has its true height."""
-    return round(float(np.clip(world.layout.side / 500, 1.0, max(1.0, world.scenario.world.mast_height / 4))), 1)
+    """Enlargement of the station's buildings on a wide map; its mast keeps its height and towers above them."""
+    side, most = world.layout.side, max(1.0, world.scenario.world.mast_height / 7)
+    return round(float(np.clip(side / 1000, min(1.0, side / 300), most)), 1)
 
 
 def build_model(world: World, pictures: bool = True) -> mujoco.MjModel:
@@ -79,7 +81,7 @@ def build_spec(world: World, pictures: bool = True) -> mujoco.MjSpec:
     _add_robots(spec, world, pictures)
     _add_station(spec, world, pictures)
     _add_pois(spec, world, pictures)
-    _add_cameras(spec, world)
+    add_cameras(spec, world.layout, station_scale(world))
     if pictures:
         _add_scenery(spec, world)
     return spec
@@ -127,47 +129,41 @@ def _add_canopies(spec, layout):
         _geom(spec.worldbody, "cylinder", Group.CANOPY, name=f"canopy{i}", pos=pos, size=size, rgba=rgba)
 
 
-def _attach(spec, parent, asset, name, pos, scale):
-    """Attach the body `base` of a loaded asset, enlarged by `scale`, under its new name."""
-    spec.attach(asset, prefix=f"{name}/", frame=parent.add_frame(pos=pos, scale=scale))
+def _load(name, pictures):
+    """An asset of the xml folder; None where nobody looks."""
+    return mujoco.MjSpec.from_file(str(XML / f"{name}.xml")) if pictures else None
+
+
+def _add_body(spec, name, pos, asset, scale):
+    """The body `base` of an asset under its new name, enlarged by `scale`; an empty body without an asset."""
+    if asset is None:
+        return spec.worldbody.add_body(name=name, pos=pos)
+    spec.attach(asset, prefix=f"{name}/", frame=spec.worldbody.add_frame(pos=pos, scale=scale))
     body = spec.body(f"{name}/base")
     body.name = name
     return body
 
 
-def _load(name):
-    return mujoco.MjSpec.from_file(str(XML / f"{name}.xml"))
-
-
 def _add_robots(spec, world, pictures):
     """Mocap bodies at the starting places, UAVs at flight height."""
-    scenario = world.scenario
-    assets = {"uav": _load("uav"), "ugv": _load("ugv")} if pictures else {}
+    scenario, scale = world.scenario, display_scale(world.layout.side)
+    assets = {kind: _load(kind, pictures) for kind in ("uav", "ugv")}
     heights = [scenario.world.uav_height] * scenario.n_uav + [0.0] * scenario.n_ugv
     for name, start, height in zip(scenario.robot_names, world.layout.starts, heights):
-        pos = [*start, height]
-        if pictures:
-            body = _attach(spec, spec.worldbody, assets[name[:3]], name, pos, display_scale(world.layout.side))
-        else:
-            body = spec.worldbody.add_body(name=name, pos=pos)
-        body.mocap = True
+        _add_body(spec, name, [*start, height], assets[name[:3]], scale).mocap = True
 
 
 def _add_station(spec, world, pictures):
     """The station with its mast, and one figure per operator, drawn as large as their spacing allows."""
     layout, scale = world.layout, station_scale(world)
-    places = [("station", [*layout.station, 0], scale, _load("station") if pictures else None)]
+    _add_body(spec, "station", [*layout.station, 0], _load("station", pictures), scale)
+    mast_scale = world.scenario.world.mast_height / 15
+    _add_body(spec, "mast", [*layout.station, 0], _load("mast", pictures), mast_scale)
+    floor, figure = round(PAD_TOP * scale, 2), _load("operator", pictures)
     if len(layout.operators) > 1:
         scale = round(min(scale, np.linalg.norm(layout.operators[1] - layout.operators[0]) / 2.0), 1)
-    asset = _load("operator") if pictures else None
-    places += [(f"operator{i}", [*place, 0], scale, asset) for i, place in enumerate(layout.operators)]
-    for name, pos, size, asset in places:
-        if pictures:
-            _attach(spec, spec.worldbody, asset, name, pos, size)
-        else:
-            spec.worldbody.add_body(name=name, pos=pos)
-    if pictures:
-        _attach(spec, spec.body("station"), _load("mast"), "mast", [0, 0, 0], world.scenario.world.mast_height / 15)
+    for i, place in enumerate(layout.operators):
+        _add_body(spec, f"operator{i}", [*place, floor], figure, scale)
 
 
 def _add_pois(spec, world, pictures):
@@ -206,11 +202,13 @@ def _add_scenery(spec, world):
     forest = meshes.plan_forest(layout, rng)
     sun = spec.light("sun").dir
     _add_texture(spec, "terrain", textures.terrain_image(layout, forest.trees(), sun, rng))
-    _add_texture(spec, "horizon", textures.horizon_image())
+    _add_texture(spec, "horizon", textures.horizon_image(rng))
     _add_texture(spec, "foliage", textures.foliage_image())
     _add_texture(spec, "sky", textures.sky_image(rng), mujoco.mjtTexture.mjTEXTURE_SKYBOX)
-    _add_mesh(spec, "horizon", meshes.horizon_mesh(layout.side))
-    _geom(spec.worldbody, "mesh", Group.VISUAL, name="horizon", meshname="horizon", material="horizon")
+    spec.texture("sky").gridsize, spec.texture("sky").gridlayout = [6, 1], "RLUDFB"  # for the written file
+    centre = [layout.side / 2, layout.side / 2, 0]
+    _add_mesh(spec, "horizon", meshes.horizon_mesh(layout.side, rng))
+    _geom(spec.worldbody, "mesh", Group.VISUAL, name="horizon", meshname="horizon", pos=centre, material="horizon")
     _add_forest(spec, forest, rng)
 
 
@@ -221,8 +219,9 @@ def _add_texture(spec, name, image, kind=mujoco.mjtTexture.mjTEXTURE_2D):
 
 def _add_forest(spec, forest, rng):
     """The clumps as meshes, then a tinted copy at every place, turned by quarters (exact in XML)."""
+    shapes = meshes.tree_shapes(rng)
     for i, trees in enumerate(forest.clumps):
-        _add_mesh(spec, f"trees{i}", meshes.clump_mesh(trees, rng))
+        _add_mesh(spec, f"trees{i}", meshes.clump_mesh(trees, shapes, rng))
     half = 0.5**0.5
     quats = [[1, 0, 0, 0], [half, 0, 0, half], [0, 0, 0, 1], [half, 0, 0, -half]]
     for index, x, y, turns, tint in forest.places:
@@ -230,41 +229,6 @@ def _add_forest(spec, forest, rng):
         mesh, quat = f"trees{int(index)}", quats[int(turns)]
         style = {"meshname": mesh, "material": "foliage", "rgba": rgba}
         _geom(spec.worldbody, "mesh", Group.VISUAL, pos=[x, y, 0], quat=quat, **style)
-
-
-def _add_cameras(spec, world):
-    """Fixed cameras, framed for pictures of 16:9."""
-    layout, side = world.layout, world.layout.side
-    middle, corners = np.full(3, [side / 2, side / 2, 0]), np.array([[x, y, 0] for x in (0, side) for y in (0, side)])
-    pitch, fovy = np.radians(27), 42
-    forward = np.array([0.16, np.cos(pitch), -np.sin(pitch)])
-    forward /= np.linalg.norm(forward)
-    right, up = _camera_axes(forward)
-    # As near as keeps every corner within the frame.
-    vertical = np.tan(np.radians(fovy / 2))
-    reach = np.array([vertical * 16 / 9 * 0.94, vertical * 0.88])
-    offset = corners - middle
-    distance = np.max(np.abs(offset @ np.stack([right, up], -1)) / reach - (offset @ forward)[:, None])
-    _add_camera(spec, "overview", middle - distance * forward, forward, fovy)
-    scale = station_scale(world)
-    eye = np.array([*layout.station, 0]) + scale * np.array([-17, -33, 14])
-    target = np.array([*layout.station, 0]) + scale * np.array([3, 10, 4.5])
-    _add_camera(spec, "station", eye, target - eye, 45)
-    far = 0.52 * side / np.tan(np.radians(MAP_FOVY / 2))
-    spec.worldbody.add_camera(name="map", pos=np.round(middle + [0, 0, far], 2), fovy=MAP_FOVY)
-
-
-def _camera_axes(forward):
-    """The right and up axes [3] of a level camera."""
-    right = np.cross(forward, [0, 0, 1])
-    right /= np.linalg.norm(right)
-    return right, np.cross(right, forward)
-
-
-def _add_camera(spec, name, eye, forward, fovy):
-    camera = spec.worldbody.add_camera(name=name, pos=np.round(eye, 2), fovy=fovy)
-    camera.alt.type = mujoco.mjtOrientation.mjORIENTATION_XYAXES
-    camera.alt.xyaxes = np.concatenate(_camera_axes(np.asarray(forward) / np.linalg.norm(forward)))
 
 
 def write_world(world: World, path) -> None:
@@ -277,15 +241,16 @@ def write_world(world: World, path) -> None:
       ValueError: `path` does not end in .xml or cannot be written; the message names it.
     """
     path = Path(path)
-    if path.suffix != ".xml":
-        raise ValueError(f"world file {path}: the name must end in .xml")
+    if path.suffix != ".xml" or path.is_dir():
+        raise ValueError(f"world file {path}: must be a file whose name ends in .xml")
     spec = build_spec(world)
     assets = path.with_name(f"{path.stem}_assets")
     try:
         assets.mkdir(exist_ok=True)
         kept = [_move_to_file(texture, assets) for texture in spec.textures]
         spec.modelfiledir, spec.texturedir = str(path.parent), assets.name
-        _replace(path, spec.to_xml().encode())
+        # MuJoCo 3.17 pads the layout of the sky's faces, and refuses to read the padding.
+        _replace(path, spec.to_xml().replace("RLUDFB......", "RLUDFB").encode())
         for stale in set(assets.glob("*-????????.png")) - set(kept):
             stale.unlink()
     except OSError as error:
@@ -304,5 +269,8 @@ def _move_to_file(texture, folder) -> Path:
 def _replace(path, content):
     """Write a file in one step: readers see the old content or the new one."""
     draft = path.with_name(f".{path.name}.{os.getpid()}")
-    draft.write_bytes(content)
-    draft.replace(path)
+    try:
+        draft.write_bytes(content)
+        draft.replace(path)
+    finally:
+        draft.unlink(missing_ok=True)

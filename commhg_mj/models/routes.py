@@ -17,36 +17,72 @@ from .layout import inside_any, unit_frame
 CORNERS = 12  # of the polygon around an obstacle part
 GAP = 1e-3  # polygons stand off by this share, so that their own edges are clear
 DIRECT = -1  # next hop: straight to the goal
+TOUCH = 1e-4  # a leg may graze an ellipse by this share of its squared radius: room for rounding
 MAX_VISIBLE = 512  # corners that a query considers
 
 
 class Routes(NamedTuple):
-    """Arrays of one world (leading axis: worlds, once stacked). Lengths in metres."""
+    """Arrays of one world Lengths in metres."""
 
     frames: np.ndarray  # [parts, 6] inflated ellipse -> unit circle, see layout.unit_frame
     corners: np.ndarray  # [corners, 6] x, y, previous x, y, next x, y on its polygon
     goals: np.ndarray  # [goals, 2]
     to_goal: np.ndarray  # [goals, corners] f4: shortest route from a corner, inf where none
     next_hop: np.ndarray  # [goals, corners] i2: next corner on it, or DIRECT
+    between: np.ndarray  # [goals, goals] f4: shortest routes between goals on free ground, else inf
+
+
+class Scratch(NamedTuple):
+    """Room for one query at a time; n = MAX_VISIBLE + goals."""
+
+    found: np.ndarray  # [n] i4 corners
+    distance: np.ndarray  # [n] f8 m to them
+    dx: np.ndarray  # [n] f4
+    dy: np.ndarray  # [n] f4
+    clearance: np.ndarray  # [n] f4
+
+
+def new_scratch(n_goals: int) -> Scratch:
+    """Scratch for queries of a world with that many goals."""
+    n = MAX_VISIBLE + n_goals
+    return Scratch(np.empty(n, np.int32), np.empty(n), *(np.empty(n, np.float32) for _ in range(3)))
+
+
+@kernel
+def mark_clear(frames, x, y, dx, dy, count, clearance):
+    """Which straight legs from (x, y) meet no inflated ellipse.
+
+    Args:
+      dx, dy: [>= count] f4, from (x, y) to the targets.
+      clearance: [>= count] f4, filled: positive where the leg is clear.
+    """
+    keep = np.float32(1.0 - TOUCH)
+    for k in range(count):
+        clearance[k] = np.float32(1.0)
+    for i in range(frames.shape[0]):
+        f = frames[i]
+        ux, uy = x - f[0], y - f[1]
+        px, py = np.float32(f[2] * ux + f[3] * uy), np.float32(f[4] * ux + f[5] * uy)
+        m00, m01, m10, m11 = np.float32(f[2]), np.float32(f[3]), np.float32(f[4]), np.float32(f[5])
+        # Branchless, so that the compiler works on eight legs at once.
+        for k in range(count):
+            wx, wy = m00 * dx[k] + m01 * dy[k], m10 * dx[k] + m11 * dy[k]
+            length2, along, cross = wx * wx + wy * wy, px * wx + py * wy, px * wy - py * wx
+            passes = (along < np.float32(0.0)) & (along + length2 > np.float32(0.0))
+            margin = cross * cross - keep * length2 if passes else np.float32(1.0)
+            clearance[k] = margin if margin < clearance[k] else clearance[k]
 
 
 @kernel
 def is_clear(frames, ax, ay, bx, by):
-    """Whether the straight leg a-b meets no inflated ellipse."""
+    """Whether the straight leg a-b, from free ground to free ground, meets no inflated ellipse."""
     for i in range(frames.shape[0]):
         f = frames[i]
-        ux, uy = ax - f[0], ay - f[1]
-        wx, wy = bx - ax, by - ay
+        ux, uy, dx, dy = ax - f[0], ay - f[1], bx - ax, by - ay
         px, py = f[2] * ux + f[3] * uy, f[4] * ux + f[5] * uy
-        qx, qy = f[2] * wx + f[3] * wy, f[4] * wx + f[5] * wy
-        along = -(px * qx + py * qy)
-        length2 = qx * qx + qy * qy
-        if along <= 0.0 or along >= length2:  # nearest point of the leg is one of its ends
-            inside = min(px * px + py * py, (px + qx) ** 2 + (py + qy) ** 2)
-        else:
-            cross = px * qy - py * qx
-            inside = cross * cross / length2
-        if inside < 1.0 - 1e-9:
+        wx, wy = f[2] * dx + f[3] * dy, f[4] * dx + f[5] * dy
+        length2, along, cross = wx * wx + wy * wy, px * wx + py * wy, px * wy - py * wx
+        if along < 0.0 and along + length2 > 0.0 and cross * cross < (1.0 - TOUCH) * length2:
             return False
     return True
 
@@ -62,30 +98,71 @@ def leaves_tangentially(corner, x, y):
 
 
 @kernel
-def find_visible(frames, corners, x, y, found, distance):
-    """Corners on which a route from (x, y) can start: fills `found` and `distance`, returns their count."""
-    count = 0
+def find_visible(frames, corners, x, y, scratch):
+    """Corners on which a route from (x, y) can start.
+
+    Fills `scratch.found` and `scratch.distance` (m) and returns their count.
+    """
+    candidates = 0
     for i in range(corners.shape[0]):
-        if count == found.shape[0]:
-            break
         c = corners[i]
-        if leaves_tangentially(c, x, y) and is_clear(frames, x, y, c[0], c[1]):
-            found[count] = i
-            distance[count] = np.hypot(c[0] - x, c[1] - y)
+        if candidates < MAX_VISIBLE and leaves_tangentially(c, x, y):
+            scratch.found[candidates] = i
+            scratch.dx[candidates], scratch.dy[candidates] = c[0] - x, c[1] - y
+            candidates += 1
+    mark_clear(frames, x, y, scratch.dx, scratch.dy, candidates, scratch.clearance)
+    count = 0
+    for k in range(candidates):
+        if scratch.clearance[k] > 0.0:
+            scratch.found[count] = scratch.found[k]
+            scratch.distance[count] = np.hypot(scratch.dx[k], scratch.dy[k])
             count += 1
     return count
 
 
 @kernel
-def best_start(to_goal, goal, found, distance, count):
+def best_start(to_goal, goal, scratch, count):
     """(length, corner) of the shortest route to `goal` over the visible corners; (inf, DIRECT) if none."""
     best, corner = np.inf, DIRECT
     row = to_goal[goal]
     for k in range(count):
-        length = distance[k] + row[found[k]]
+        length = scratch.distance[k] + row[scratch.found[k]]
         if length < best:
-            best, corner = length, found[k]
+            best, corner = length, scratch.found[k]
     return best, corner
+
+
+@kernel
+def measure_goals(routes, x, y, wanted, count, lengths, scratch):
+    """Route lengths [m] from (x, y) to the goals wanted[:count], into `lengths`; inf where there is none."""
+    for k in range(count):
+        goal = routes.goals[wanted[k]]
+        scratch.dx[k], scratch.dy[k] = goal[0] - x, goal[1] - y
+    mark_clear(routes.frames, x, y, scratch.dx, scratch.dy, count, scratch.clearance)
+    blocked = 0
+    for k in range(count):
+        if scratch.clearance[k] > 0.0:
+            lengths[k] = np.hypot(scratch.dx[k], scratch.dy[k])
+        else:
+            lengths[k] = np.inf
+            blocked += 1
+    if blocked == 0:
+        return
+    n_visible = find_visible(routes.frames, routes.corners, x, y, scratch)
+    for k in range(count):
+        if lengths[k] == np.inf:
+            lengths[k] = best_start(routes.to_goal, wanted[k], scratch, n_visible)[0]
+
+
+@kernel
+def measure_all(routes, ground_goals, lengths, scratch):
+    """Route lengths between all pairs of `ground_goals`, into lengths [goals, goals]."""
+    row = np.empty(ground_goals.shape[0], np.float32)
+    for i in ground_goals:
+        goal = routes.goals[i]
+        measure_goals(routes, goal[0], goal[1], ground_goals, ground_goals.shape[0], row, scratch)
+        for k in range(ground_goals.shape[0]):
+            lengths[i, ground_goals[k]] = row[k]
 
 
 @kernel
@@ -124,6 +201,7 @@ class Roadmap:
 
     def __init__(self, parts, radius, side, root):
         self.frames, self.corners = obstacle_corners(parts, radius, side)
+        self._scratch = new_scratch(0)
         n = len(self.corners)
         pairs = max(1, n * (n - 1) // 2)
         starts, ends, lengths = np.empty(pairs, np.int32), np.empty(pairs, np.int32), np.empty(pairs)
@@ -133,9 +211,8 @@ class Roadmap:
         self._connected = self._reachable_corners()
 
     def _visible(self, xy):
-        found, distance = np.empty(MAX_VISIBLE, np.int32), np.empty(MAX_VISIBLE)
-        count = find_visible(self.frames, self.corners, xy[0], xy[1], found, distance)
-        return found[:count], distance[:count]
+        count = find_visible(self.frames, self.corners, xy[0], xy[1], self._scratch)
+        return self._scratch.found[:count].copy(), self._scratch.distance[:count].copy()
 
     def _graph(self, extra_rows, extra_cols, extra_lengths, size):
         starts, ends, lengths = self.links
@@ -160,10 +237,14 @@ class Roadmap:
         found, _ = self._visible(xy)
         return bool(self._connected[found].any())
 
-    def routes_to(self, goals) -> Routes:
-        """Shortest trees towards every goal [goals, 2]; unreachable ones have infinite lengths."""
+    def routes_to(self, goals, is_ground) -> Routes:
+        """Shortest trees towards every goal [goals, 2]; `is_ground` [goals] marks those on free ground.
+
+        Goals off free ground have infinite lengths.
+        """
         n, g = len(self.corners), len(goals)
-        seen = [self._visible(goal) for goal in goals]
+        nothing = np.empty(0, np.int32), np.empty(0)
+        seen = [self._visible(goal) if ground else nothing for goal, ground in zip(goals, is_ground)]
         rows = np.concatenate([np.full(len(found), n + i) for i, (found, _) in enumerate(seen)])
         cols = np.concatenate([found for found, _ in seen])
         lengths = np.concatenate([distance for _, distance in seen])
@@ -172,9 +253,16 @@ class Roadmap:
         to_goal, before = dijkstra(graph, indices=np.arange(n, n + g), return_predecessors=True)
         before = before[:, :n]
         hop = np.where((before < 0) | (before >= n), DIRECT, before)
-        return Routes(
-            self.frames, self.corners, np.ascontiguousarray(goals), to_goal[:, :n].astype(np.float32), hop.astype(np.int16)
+        routes = Routes(
+            frames=self.frames,
+            corners=self.corners,
+            goals=np.ascontiguousarray(goals),
+            to_goal=np.ascontiguousarray(to_goal[:, :n], np.float32),
+            next_hop=np.ascontiguousarray(hop, np.int16),
+            between=np.full((g, g), np.inf, np.float32),
         )
+        measure_all(routes, np.flatnonzero(is_ground), routes.between, new_scratch(g))
+        return routes
 
 
 def find_path(routes: Routes, start, goal: int) -> np.ndarray:
@@ -186,9 +274,9 @@ def find_path(routes: Routes, start, goal: int) -> np.ndarray:
     target = routes.goals[goal]
     if is_clear(routes.frames, start[0], start[1], target[0], target[1]):
         return np.array([start, target], float)
-    found, distance = np.empty(MAX_VISIBLE, np.int32), np.empty(MAX_VISIBLE)
-    count = find_visible(routes.frames, routes.corners, start[0], start[1], found, distance)
-    length, corner = best_start(routes.to_goal, goal, found, distance, count)
+    scratch = new_scratch(0)
+    count = find_visible(routes.frames, routes.corners, start[0], start[1], scratch)
+    length, corner = best_start(routes.to_goal, goal, scratch, count)
     if not np.isfinite(length):
         raise ValueError(f"no ground route from ({start[0]:.1f}, {start[1]:.1f}) to goal {goal}")
     path = [np.asarray(start, float)]

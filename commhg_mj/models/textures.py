@@ -7,15 +7,15 @@ follow y; `terrain_image` turns the finished picture over. Light never changes, 
 import cv2
 import numpy as np
 
-from .layout import Layout, surface_half_width
+from .layout import SURFACE_NODES, Layout, surface_half_width
 from .meshes import CONIFER, TERRAIN_REACH, terrain_uv
 
 TERRAIN_SIZE = 2048  # texels
-SKY_SIZE = 320  # texels of one face of the cube
+SKY_SIZE = 256  # texels of one face of the cube
 MEADOW, PASTURE, DRY_GRASS = (104, 128, 66), (128, 146, 80), (158, 152, 96)
 FOREST_FLOOR, SCREE, DIRT, GRAVEL = (62, 78, 44), (132, 124, 106), (166, 142, 104), (150, 144, 130)
 ROCK, DARK_ROCK, SNOW = (128, 118, 108), (92, 84, 80), (238, 242, 248)
-OUTSIDE = (112, 132, 72)  # the plain far from the map
+OUTSIDE = (118, 137, 76)  # the plain far from the map
 HAZE = (205, 220, 234)  # where ground and sky meet
 AMBIENT = 0.45  # light in full shadow, of the light on open flat ground
 
@@ -66,7 +66,7 @@ def height_map(layout: Layout, size) -> np.ndarray:
 
 def _window(part, side, size):
     """Rows and columns of a mountain's surface grid in a terrain map; the outermost cells count half more."""
-    half = surface_half_width(part) * 33 / 32
+    half = surface_half_width(part) * SURFACE_NODES / (SURFACE_NODES - 1)
     centre = np.array([part["x"], part["y"]])
     low = np.rint(terrain_uv(centre - half, side) * size).astype(int)
     high = np.maximum(np.rint(terrain_uv(centre + half, side) * size).astype(int), low + 1)
@@ -74,36 +74,66 @@ def _window(part, side, size):
 
 
 def _draw_ground(layout, size, rng):
-    """Colours of the plain [size, size, 3]: grass, forest floor, scree, gravel, fading to one colour at the edge."""
-    axis = (((np.arange(size, dtype=np.float32) + 0.5) / size - 0.5) * TERRAIN_REACH + 0.5) * layout.side
-    x, y = np.meshgrid(axis, axis)
+    """Colours of the plain [size, size, 3]: grass, forest floor, scree, tracks, fading to one colour at the edge."""
+    texel = TERRAIN_REACH * layout.side / size
     broad, detail = noise((size, size), 7, 5, rng), noise((size, size), 28, 4, rng)
+    wobble = detail - 0.5
     image = np.empty((size, size, 3), np.float32)
     image[:] = MEADOW
     _mix(image, PASTURE, smooth(0.42, 0.62, broad))
-    _mix(image, DRY_GRASS, smooth(0.55, 0.72, detail) * smooth(0.40, 0.60, 1 - broad))
-    _mix(image, SCREE, 0.8 * smooth(1.22, 1.0, _nearness(x, y, layout.mountains) + 0.7 * (detail - 0.5)))
-    _mix(image, FOREST_FLOOR, 0.9 * smooth(1.15, 0.9, _nearness(x, y, layout.forests) + 0.6 * (detail - 0.5)))
-    away = np.hypot(x - layout.station[0], y - layout.station[1]) / (20 + 0.02 * layout.side)
-    _mix(image, GRAVEL, 0.9 * smooth(1.3, 0.9, away + 0.6 * (detail - 0.5)))
+    _mix(image, DRY_GRASS, 0.9 * smooth(0.54, 0.74, detail) * smooth(0.40, 0.60, 1 - broad))
+    _mix(image, DIRT, 0.85 * _draw_tracks(layout, size, rng) * smooth(0.25, 0.5, detail))
+    for parts, colour, width in ((layout.mountains, SCREE, 0.016), (layout.forests, FOREST_FLOOR, 0.008)):
+        away = _distance(parts, layout.side, size) * texel / (width * layout.side)
+        _mix(image, colour, 0.85 * smooth(1.2, 0.0, away + 2 * wobble))
+    axis = (np.arange(size, dtype=np.float32) + 0.5) * texel - layout.side * (TERRAIN_REACH - 1) / 2
+    x, y = np.meshgrid(axis, axis)
+    away = np.hypot(x - layout.station[0], y - layout.station[1]) / (18 + 0.009 * layout.side)
+    _mix(image, GRAVEL, 0.9 * smooth(1.3, 0.9, away + 0.6 * wobble))
     beyond = np.maximum(np.abs(x / layout.side - 0.5), np.abs(y / layout.side - 0.5)) - 0.5
-    _mix(image, OUTSIDE, smooth(0.0, 0.95 * (TERRAIN_REACH - 1) / 2, beyond))
+    _mix(image, OUTSIDE, smooth(0.0, 0.95 * (TERRAIN_REACH - 1) / 2, beyond + 0.1 * wobble))
     return np.clip(image, 0, 255).astype(np.uint8)
 
 
-def _nearness(x, y, parts):
-    """Distance from the middle of the nearest ellipse of `parts`, in its own radii: 1 on its edge."""
-    nearest = np.full(x.shape, 9.0, np.float32)
+def _texels(xy, side, size):
+    """Map points [..., 2] as fixed-point texel coordinates for OpenCV's drawing with shift=4."""
+    return np.rint((terrain_uv(xy, side) * size - 0.5) * 16).astype(np.int32)
+
+
+def _distance(parts, side, size):
+    """Distance [size, size] in texels from the nearest ellipse of `parts`, 0 inside."""
+    free = np.full((size, size), 255, np.uint8)
     for part in parts:
-        cos, sin = np.cos(part["angle"]), np.sin(part["angle"])
-        dx, dy = x - np.float32(part["x"]), y - np.float32(part["y"])
-        u, v = (cos * dx + sin * dy) / part["a"], (cos * dy - sin * dx) / part["b"]
-        nearest = np.minimum(nearest, np.hypot(u, v).astype(np.float32))
-    return nearest
+        centre = _texels(np.array([part["x"], part["y"]]), side, size)
+        axes = np.rint(np.array([part["a"], part["b"]]) / (TERRAIN_REACH * side) * size * 16).astype(int)
+        cv2.ellipse(free, centre, axes, np.degrees(part["angle"]), 0, 360, 0, -1, shift=4)
+    return cv2.distanceTransform(free, cv2.DIST_L2, 3) if len(parts) else np.full((size, size), 1e4, np.float32)
+
+
+def _draw_tracks(layout, size, rng):
+    """Dirt tracks [size, size] in 0..1: from the station to the north and across, around the mountains."""
+    side = layout.side
+    west, east = rng.uniform(0.3, 0.7, 2) * side
+    ends = [(layout.station, (rng.uniform(0.2, 0.8) * side, 1.1 * side)), ((-0.1 * side, west), (1.1 * side, east))]
+    mask = np.zeros((size, size), np.uint8)
+    for start, end in ends:
+        along = np.linspace(0, 1, 80)[:, None]
+        bends = sum(np.sin(k * np.pi * along) * rng.uniform(-1, 1, 2) / k for k in range(1, 5))
+        track = (1 - along) * start + along * end + 0.06 * side * bends
+        for part in layout.mountains:
+            away = track - [part["x"], part["y"]]
+            distance = np.linalg.norm(away, axis=1, keepdims=True) + 1e-6
+            track += away / distance * np.clip(1.3 * part["a"] - distance, 0, None)
+        track[2:-2] = sum(track[i : len(track) - 4 + i] for i in range(5)) / 5
+        cv2.polylines(mask, [_texels(track, side, size)], False, 255, 1, cv2.LINE_AA, shift=4)
+    return cv2.GaussianBlur(mask, (3, 3), 0).astype(np.float32) / 150
 
 
 def _paint_mountain(image, heights, part, side, sun, rng):
-    """Rock, screes and snow with slope-dependent light over one mountain, in place; its foot stays as it was."""
+    """Rock and snow with slope-dependent light over one mountain, in place; its foot keeps the plain's colour.
+
+    Roughness between the nodes of the surface is painted only: light reacts to it as if it were there.
+    """
     rows, columns = _window(part, side, TERRAIN_SIZE // 2)
     patch = heights[rows, columns]
     shape = (2 * patch.shape[0], 2 * patch.shape[1])
@@ -129,8 +159,10 @@ def _light(layout, heights, trees, sun, rng):
     size = TERRAIN_SIZE
     shadow = cv2.resize(mountain_shadow(heights, TERRAIN_REACH * layout.side / len(heights), sun), (size, size))
     tree_shadow = cv2.GaussianBlur(_draw_tree_shadows(trees, layout.side, sun), (0, 0), 0.9)
-    grain = noise((512, 512), 128, 2, rng)
-    grain = cv2.resize(np.tile(np.rint(24 * grain + 188).astype(np.uint8), (2, 2)), (size, size))
+    grain = np.tile(noise((512, 512), 128, 2, rng) - 0.5, (4, 4))
+    from_edge = np.minimum(np.arange(size), np.arange(size)[::-1]) / (0.08 * size)
+    fade = np.clip(from_edge, 0, 1).astype(np.float32)
+    grain = cv2.convertScaleAbs(grain * np.minimum(fade, fade[:, None]), alpha=48, beta=200)
     lit = 255 - cv2.max(shadow, cv2.multiply(tree_shadow, 0.8))
     lit = cv2.convertScaleAbs(lit, alpha=(1 - AMBIENT), beta=255 * AMBIENT)
     return cv2.multiply(grain, lit, scale=1 / 255)
@@ -158,36 +190,42 @@ def _draw_tree_shadows(trees, side, sun):
     mask = np.zeros((TERRAIN_SIZE, TERRAIN_SIZE), np.uint8)
     beam = np.asarray(sun[:2]) / -sun[2]  # a point at height h throws its shadow h * beam away
     ahead = beam / np.linalg.norm(beam)
+    length = trees[:, 2:3] * np.linalg.norm(beam)
+    crown, conifer = trees[:, 3:4], trees[:, 4:] == CONIFER
     bearing = np.linspace(0, 2 * np.pi, 8, endpoint=False)
-    x, y, height, crown, band = trees.T
-    tip = np.where(band == CONIFER, 1.0, 0.62)[:, None] * height[:, None] * np.linalg.norm(beam)
-    round_crown = crown[:, None] * (1 + 0.3 * (np.cos(bearing) > 0.5)) * np.cos(bearing) + tip
-    kite = np.where(np.cos(bearing) > 0.9, tip, crown[:, None] * np.cos(bearing).clip(-1, 0) + 0.2 * tip)
-    along = np.where(band[:, None] == CONIFER, kite, round_crown)
-    across = crown[:, None] * np.sin(bearing) * np.where(band[:, None] == CONIFER, np.cos(bearing) < 0.9, 1.0)
-    outline = along[..., None] * ahead + across[..., None] * [-ahead[1], ahead[0]] + np.stack([x, y], -1)[:, None]
-    texels = np.rint(terrain_uv(outline, side) * TERRAIN_SIZE * 16).astype(np.int32)
-    for polygon in texels:
+    # A broadleaf throws the circle of its crown; a conifer the circle of its lowest branches, drawn out to its tip.
+    along = crown * np.cos(bearing) + np.where(conifer, 0.2, 0.62) * length
+    along = np.where(conifer & (bearing == 0), length, along)
+    outline = along[..., None] * ahead + (crown * np.sin(bearing))[..., None] * [-ahead[1], ahead[0]]
+    for polygon in _texels(outline + trees[:, None, :2], side, TERRAIN_SIZE):
         cv2.fillConvexPoly(mask, polygon, 255, shift=4)
     return mask
 
 
 def foliage_image() -> np.ndarray:
     """Three vertical bands (bark, conifers, broadleaves) of varied hue, from shade below to light above."""
-    bands = [[(74, 56, 40), (98, 76, 56)], [(38, 84, 48), (74, 112, 52)], [(70, 112, 40), (132, 146, 58)]]
+    bands = [[(74, 56, 40), (98, 76, 56)], [(44, 90, 60), (66, 108, 62)], [(68, 112, 52), (100, 134, 64)]]
     hues = np.concatenate([np.linspace(first, last, 32) for first, last in bands])
-    light = np.linspace(0.45, 1.35, 32)[:, None, None]
+    light = np.linspace(0.5, 1.3, 32)[:, None, None]
     return np.clip(hues * light, 0, 255).astype(np.uint8)[::-1].copy()
 
 
-def horizon_image() -> np.ndarray:
-    """From the outside colour (v = 0) to haze (v = 1)."""
-    share = np.linspace(1, 0, 256)[:, None, None]
-    return np.rint(np.array(OUTSIDE) + (np.array(HAZE) - OUTSIDE) * share).astype(np.uint8).repeat(4, axis=1)
+def horizon_image(rng: np.random.Generator) -> np.ndarray:
+    """The far ground: u runs around the compass; v from the outside colour (0) through blue distance to haze (1)."""
+    share = np.linspace(1, 0, 256)
+    stops = np.array([OUTSIDE, (138, 160, 122), (166, 190, 192), HAZE])
+    gradient = np.stack([np.interp(share, [0, 0.35, 0.75, 1], channel) for channel in stops.T], axis=-1)
+    half = noise((256, 512), 24, 5, rng)
+    around = np.concatenate([half, half[:, ::-1]], axis=1)
+    image = np.repeat(gradient[:, None].astype(np.float32), around.shape[1], axis=1)
+    clear = (smooth(0.01, 0.1, share) * smooth(1, 0.4, share))[:, None]  # fields fade towards the map and into haze
+    _mix(image, (164, 160, 104), 0.5 * clear * smooth(0.46, 0.34, around))
+    _mix(image, (66, 96, 62), 0.7 * clear * smooth(0.54, 0.62, around))
+    return np.clip(image, 0, 255).astype(np.uint8)
 
 
 def sky_image(rng: np.random.Generator) -> np.ndarray:
-    """Cube faces one below the other (right, left, up, down, back, front): clouds over haze and distant hills."""
+    """Cube faces one below the other (right, left, up, down, front, back): blue above haze, and clouds."""
     axis = (np.arange(SKY_SIZE, dtype=np.float32) + 0.5) / SKY_SIZE * 2 - 1
     s, t = np.meshgrid(axis, axis)
     one = np.ones_like(s)
@@ -204,7 +242,7 @@ def _sky_colour(x, up, z, rng):
     _mix(image, (88, 142, 208), smooth(0.0, 0.65, up))
     flat = np.maximum(up, 0.03) + 0.10
     clouds = noise((512, 512), 12, 6, rng)
-    u, v = x / flat * 40 + 256, z / flat * 40 + 256
-    cover = cv2.remap(clouds, u.astype(np.float32), v.astype(np.float32), cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT)
+    u, v = (40 * x / flat + 256).astype(np.float32), (40 * z / flat + 256).astype(np.float32)
+    cover = cv2.remap(clouds, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT)
     _mix(image, (252, 252, 254), 0.85 * smooth(0.50, 0.66, cover) * smooth(0.03, 0.22, up))
     return np.clip(image, 0, 255).astype(np.uint8)

@@ -43,7 +43,7 @@ def make_world(scenario: Scenario, seed: int) -> World:
     roadmap = Roadmap(layout.parts, scenario.world.ugv_radius, layout.side, layout.starts.mean(axis=0))
     poi_types = rng.choice(3, size=scenario.n_tasks, p=scenario.tasks.type_shares).astype(np.int8)
     pois = _draw_pois(scenario, layout, roadmap, poi_types, rng)
-    return World(scenario, seed, layout, pois, poi_types, roadmap.routes_to(pois))
+    return World(scenario, seed, layout, pois, poi_types, roadmap.routes_to(pois, poi_types != TaskType.UAV_ONLY))
 
 
 def _draw_pois(scenario, layout, roadmap, poi_types, rng):

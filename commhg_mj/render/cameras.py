@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from ..models.mjcf import display_scale, station_scale
+
 NAMES = "overview, station, map, orbit or follow:ROBOT (such as follow:uav0)"
-FIELD_OF_VIEW = 38.0  # degrees, vertical
 ORBIT_PERIOD = 1200.0  # s of the mission for a full circle
 NEAR = 1.0  # m: overlays are clipped this far in front of the camera
 
@@ -26,21 +27,30 @@ def check_camera(name: str, scenario):
         raise ValueError(f"unknown camera {name!r}: use {NAMES}")
 
 
-def place_camera(name: str, world, moment, heights) -> mujoco.MjvCamera:
-    """The camera `name` at a moment; `heights` [R] m are the robots' altitudes."""
-    side, station = world.layout.side, world.layout.station
+def place_camera(name: str, world, moment, heights, aspect: float) -> tuple[mujoco.MjvCamera, float]:
+    """(camera, vertical field of view [degrees]) at a moment.
+
+    Args:
+      name: as in `check_camera`.
+      heights: [R] m, the robots' altitudes.
+      aspect: width / height of the picture; narrow ones are taken from farther away.
+    """
+    side, middle = world.layout.side, 0.5 * world.layout.side
     kind, _, robot = name.partition(":")
+    back = max(1.0, 16 / 9 / aspect)
     if kind == "overview":
-        return _free((0.5 * side, 0.445 * side, 0.0), 1.52 * side, 96.0, -40.0)
+        return _free((middle, 0.45 * side, 0.0), 1.41 * back * side, 97.0, -36.0), 38.0
     if kind == "orbit":
-        return _free((0.5 * side, 0.5 * side, 0.0), 1.62 * side, 90.0 + 360.0 * moment.time / ORBIT_PERIOD, -34.0)
+        turn = 360.0 * moment.time / ORBIT_PERIOD
+        return _free((middle, middle, 0.0), 1.62 * back * side, 97.0 + turn, -32.0), 38.0
     if kind == "map":
-        return _free((0.5 * side, 0.5 * side, 0.0), 1.6 * side, 90.0, -90.0)
+        # From far away, so that mountains hardly lean.
+        return _free((middle, 0.49 * side, 0.0), 2.85 * max(1.0, 1.05 / aspect) * side, 90.0, -90.0), 24.0
     if kind == "station":
-        return _free((*(station + [4, 20]), 6.0), 92.0, 80.0, -13.0)
+        scale = station_scale(world)
+        return _free((*world.layout.station + [0.0, 4.0 * scale], 8.0 * scale), 36.0 * scale, 76.0, -13.0), 50.0
     i = world.scenario.robot_names.index(robot)
-    # Slower than the robot's own turns, so that the picture does not swing with every new target.
-    return _free((*moment.xy[i], heights[i]), 70.0, 90.0 + 0.0 * moment.time, -24.0)
+    return _free((*moment.xy[i], heights[i]), 11.0 * display_scale(side), np.degrees(moment.course[i]), -20.0), 45.0
 
 
 def _free(look_at, distance, azimuth, elevation):
@@ -100,8 +110,8 @@ class Projection:
         return self.focal / np.maximum(self.view(points)[..., 2], NEAR)
 
 
-def occluded(projection: Projection, ground_height, points, samples=24) -> np.ndarray:
+def occluded(projection: Projection, ground_height, points, samples=40) -> np.ndarray:
     """Which points [n, 3] lie behind a mountain, as seen from the camera."""
-    along = np.linspace(0.02, 0.98, samples)[:, None, None]
+    along = np.linspace(0.0, 0.99, samples)[:, None, None]
     way = projection.position + (np.asarray(points) - projection.position) * along
     return np.any(ground_height(way[..., :2]) > way[..., 2] + 1.0, axis=0)

@@ -7,6 +7,8 @@ import numpy as np
 
 SHIFT = 4  # fractional bits of OpenCV's fixed-point coordinates
 FAR = 1 << 14  # pixels: coordinates are clipped to this before they become fixed-point
+_TURN = np.linspace(0, 2 * np.pi, 25)[:-1]
+CIRCLE = np.stack([np.sin(_TURN), -np.cos(_TURN)], axis=-1)  # [24, 2] unit outline
 
 
 def _fixed(points) -> np.ndarray:
@@ -42,7 +44,8 @@ class Canvas:
         self.lines([np.concatenate([points, points[:1]])], colour, width, alpha)
 
     def disc(self, centre, radius, colour, alpha=1.0):
-        cv2.circle(self.pixels, _fixed(centre), round(radius * (1 << SHIFT)), _ink(colour, alpha), -1, cv2.LINE_AA, SHIFT)
+        # OpenCV's own small circles look like diamonds.
+        self.polygon(np.asarray(centre) + radius * CIRCLE, colour, alpha)
 
     def ring(self, centre, radius, colour, width=1.0, alpha=1.0, part=1.0):
         """A circle, or the clockwise `part` of it from the top."""
@@ -62,13 +65,13 @@ class Canvas:
 
     def box(self, x, y, width, height, colour, alpha=1.0):
         """An upright rectangle, to the nearest pixels."""
-        columns, rows = slice(max(0, round(x)), max(0, round(x + width))), slice(max(0, round(y)), max(0, round(y + height)))
-        self.pixels[rows, columns] = _ink(colour, alpha)
+        x0, y0, x1, y1 = (max(0, round(v)) for v in (x, y, x + width, y + height))
+        self.pixels[y0:y1, x0:x1] = _ink(colour, alpha)
 
     def panel(self, x, y, width, height, colour, alpha=0.7, radius=6.0):
         """A box with round corners."""
         radius = min(radius, width / 2, height / 2)
-        turn = np.linspace(0, np.pi / 2, 6)
+        turn = np.linspace(0, np.pi / 2, 9)
         corner = np.stack([np.cos(turn), np.sin(turn)], axis=-1) * radius
         ends = [(x + width, y + height, 1, 1), (x, y + height, -1, 1), (x, y, -1, -1), (x + width, y, 1, -1)]
         rounded = [corner[:: i * j] * (i, j) + (cx - i * radius, cy - j * radius) for cx, cy, i, j in ends]

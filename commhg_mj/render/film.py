@@ -3,6 +3,7 @@
 import multiprocessing
 from collections import deque
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import closing
 from functools import partial
 from pathlib import Path
 
@@ -44,8 +45,9 @@ def render_video(
       RuntimeError: OpenGL is missing.
     """
     _check(trace, out, ".mp4", camera, size)
-    if not (fps > 0 and speed > 0 and workers >= 1):
-        raise ValueError(f"fps, speed and workers must be positive, are {fps}, {speed} and {workers}")
+    for name, value in (("fps", fps), ("speed", speed), ("workers", workers)):
+        if not 0 < value < np.inf:
+            raise ValueError(f"{name} must be positive, is {value}")
     stop = _duration(trace) if stop is None else stop
     _check_time(trace, "start", start)
     _check_time(trace, "stop", stop)
@@ -68,8 +70,8 @@ def render_image(trace, out, at=0.0, camera="overview", size=(1280, 720), speed=
     """
     _check(trace, out, ".png", camera, size)
     _check_time(trace, "at", at)
-    with whole_file(out) as part:
-        write_png(part, Film(trace, camera, tuple(size), SHOWN_FOR * speed).picture(at))
+    with whole_file(out) as part, closing(Film(trace, camera, tuple(size), SHOWN_FOR * speed)) as film:
+        write_png(part, film.picture(at))
 
 
 class Film:
@@ -81,10 +83,10 @@ class Film:
         self.camera = camera
         world = make_world(trace.scenario, trace.seed)
         self.timeline = Timeline(trace, lag)
-        self.stage = Stage(trace, world, size)
+        self.stage = Stage(world, size)
         self.hud = Hud(trace, world, size)
         self.canvas = Canvas(*size)
-        self.overlay = Overlay(trace, world, self.canvas, self.hud.unit)
+        self.overlay = Overlay(trace, world, self.canvas, self.stage.pins)
 
     def picture(self, time: float) -> np.ndarray:
         """The picture [height, width, 3] at `time` [s] in blue, green, red."""
@@ -124,10 +126,9 @@ def _work(times):
 def _in_order(make_film, chunks, workers):
     """Yield the pictures of all chunks in order; at most one chunk more than workers is under way."""
     if workers == 1 or len(chunks) == 1:
-        film = make_film()
-        for chunk in chunks:
-            yield from film.chunk(chunk)
-        film.close()
+        with closing(make_film()) as film:
+            for chunk in chunks:
+                yield from film.chunk(chunk)
         return
     spawn = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(workers, spawn, _start_worker, (make_film,)) as pool:

@@ -27,13 +27,13 @@ def make_context(width: int, height: int):
         except Exception as error:
             failures.append(f"{backend}: {str(error).splitlines()[0] if str(error) else type(error).__name__}")
     needs = " or ".join(f"`{packages}`" for packages in PACKAGES.values())
-    raise RuntimeError(f"no OpenGL without a display ({'; '.join(failures)}): install {needs} (Debian and Ubuntu packages)")
+    raise RuntimeError(f"no OpenGL without a display ({'; '.join(failures)}): install the Debian packages {needs}")
 
 
 def _load(backend):
-    """MuJoCo's wrapper of a backend; what a failed attempt at another one left behind is cleared first."""
+    """MuJoCo's wrapper of a backend; PyOpenGL, once loaded for another one, must be loaded anew."""
     if os.environ.get("PYOPENGL_PLATFORM", backend) != backend:
-        for name in [n for n in sys.modules if n.split(".")[0] == "OpenGL" or n.startswith(("mujoco.egl", "mujoco.osmesa"))]:
+        for name in [name for name in sys.modules if name.split(".")[0] == "OpenGL"]:
             del sys.modules[name]
     os.environ["PYOPENGL_PLATFORM"] = backend
     return importlib.import_module(f"mujoco.{backend}")

@@ -40,14 +40,18 @@ class Hud:
         self.is_roomy = self.width >= ROOMY[0] and self.height >= ROOMY[1]
         self.is_plain = self.width >= PLAIN[0] and self.height >= PLAIN[1]
         self.boxes = set()  # (x0, y0, x1, y1) in pixels of what it covers
-        self.minimap = self._place_minimap(world) if self.is_plain else None
+        self._map_corner = self.width - EDGE - MAP_SIZE, BAR + EDGE
+        x, y, inner = (round(v * self.unit) for v in (*self._map_corner, MAP_SIZE - 2 * MAP_RIM))
+        rim = round(MAP_RIM * self.unit)
+        self.minimap = Minimap(trace, world, self.canvas, x + rim, y + rim, inner, self.unit)
         if self.is_roomy:
             draw_legend(self)
 
     def draw(self, moment: Moment, projection):
         """Bring everything that changes up to date."""
         self._title_bar(moment)
-        if self.minimap:
+        if self.is_plain:
+            self.box(*self._map_corner, MAP_SIZE, MAP_SIZE)
             self.minimap.draw(moment, projection)
         if self.is_roomy:
             y = BAR + EDGE
@@ -60,21 +64,18 @@ class Hud:
             canvas.pixels[y0:y1, x0:x1] = self.canvas.pixels[y0:y1, x0:x1]
 
     def claim(self, x, y, width, height):
-        """Keep a box, in units, for the display."""
+        """Keep a box, given in units, for the display; returns it in pixels."""
         ends = np.array([x, y, x + width, y + height]) * self.unit
-        self.boxes.add(tuple(int(v) for v in np.round(ends)))
+        box = tuple(int(v) for v in np.round(ends))
+        self.boxes.add(box)
+        return box
 
     def box(self, x, y, width, height):
-        """Claim a box given in units and draw its panel."""
+        """Claim a box given in units and draw its empty panel."""
         u = self.unit
-        self.claim(x, y, width, height)
+        x0, y0, x1, y1 = self.claim(x, y, width, height)
+        self.canvas.pixels[y0:y1, x0:x1] = 0
         self.canvas.panel(x * u, y * u, width * u, height * u, ink.PANEL, PANEL_ALPHA, 7 * u)
-
-    def _place_minimap(self, world):
-        x, y = self.width - EDGE - MAP_SIZE, BAR + EDGE
-        self.box(x, y, MAP_SIZE, MAP_SIZE)
-        u, rim = self.unit, MAP_RIM
-        return Minimap(self.trace, world, self.canvas, round((x + rim) * u), round((y + rim) * u), round((MAP_SIZE - 2 * rim) * u), u)
 
     def text(self, x, y, string, size=12.0, colour=ink.INK, weight=400, anchor=0.0) -> float:
         """Text at units (x, baseline y); returns its width in units."""
@@ -114,7 +115,7 @@ class Hud:
     def _score(self, moment):
         """TWCR so far, on a bar from 0 to 1: gained, still to be won, lost to lateness."""
         right = self.width - EDGE - 4
-        width = 190 if self.is_plain else 0
+        width = 222 if self.is_plain else 0
         self.text(right - width - 12, 33, f"{moment.gained:.3f}", 25, ink.GAINED, 600, anchor=1.0)
         self.text(right - width - 12, 47, "TWCR", 11, ink.MUTED, anchor=1.0)
         if width:
@@ -146,14 +147,14 @@ class Hud:
     def _operator(self, moment, operator, x, y, width, step):
         """Badge, whom it holds or calls, fatigue bar."""
         colour, size = ink.operator_colour(operator), 11.5 if step > 15 else 9.5
-        draw_badge(self.canvas, x * self.unit, (y + step / 2 - 2) * self.unit, operator, size * self.unit)
+        badge = draw_badge(self.canvas, x * self.unit, (y + step / 2 - 2) * self.unit, operator, size * self.unit)
         session, robot = moment.session[operator], moment.operator_robot[operator]
         name = self.trace.scenario.robot_names[robot] if robot >= 0 else ""
         state = {Session.REST: "rest", Session.BID: f"calls {name}", Session.HELD: f"controls {name}"}[Session(session)]
         if step <= 15:
             state = name or "rest"
-        self.text(x + 2.4 * size, y + step / 2 + 2, state, size, ink.MUTED if robot < 0 else ink.INK)
-        start = 112 if step > 15 else 62
+        self.text(x + badge / self.unit + 4, y + step / 2 + 2, state, size, ink.MUTED if robot < 0 else ink.INK)
+        start = 116 if step > 15 else 64
         self.bar(x + start, y + step / 2 - 5, width - start, 6, [(float(moment.fatigue[operator]), colour)])
 
     def _team(self, moment, y):
@@ -194,10 +195,11 @@ class Hud:
         self._heading(y, "MESSAGES", "last minute")
         for route, name in enumerate(ROUTES):
             at, total = y + 26 + 18 * route, moment.counts[route, FATE_ORDER].sum()
-            draw_route_mark(self.canvas, ((EDGE + 15) * self.unit, (at + 5) * self.unit), (1, 0), route, ink.INK, self.unit)
+            sign = (EDGE + 15) * self.unit, (at + 5) * self.unit
+            draw_route_mark(self.canvas, sign, (1, 0), route, ink.INK, self.unit)
             self.text(EDGE + 26, at + 9, name, 11.5)
             parts = [(moment.counts[route, fate] / max(1, total), ink.FATE[fate]) for fate in FATE_ORDER]
-            self.bar(EDGE + 80, at, COLUMN - 122, 9, parts)
+            self.bar(EDGE + 86, at, COLUMN - 126, 9, parts)
             self.text(EDGE + COLUMN - 10, at + 9, str(total), 11.5, anchor=1.0)
         for index, fate in enumerate(FATE_ORDER):
             x, at = EDGE + 10 + 98 * (index % 2), y + 94 + 15 * (index // 2)

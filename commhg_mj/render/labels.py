@@ -34,7 +34,7 @@ class Place:
         return self.slot >= len(DIRECTIONS)
 
 
-def place_labels(labels, taken, size, previous=None) -> dict:
+def place_labels(labels, taken, size, previous=None, may_go_far=True) -> dict:
     """Greedy placement by priority; a label that fits nowhere is left out.
 
     Args:
@@ -42,6 +42,7 @@ def place_labels(labels, taken, size, previous=None) -> dict:
       taken: boxes (x0, y0, x1, y1) in pixels that must stay free.
       size: (width, height) of the picture in pixels.
       previous: slots by key of the picture before, tried first so that labels do not jump.
+      may_go_far: whether a label may stand away from its anchor, on a leader.
 
     Returns:
       `Place` by key.
@@ -52,6 +53,7 @@ def place_labels(labels, taken, size, previous=None) -> dict:
     for label in sorted(labels, key=lambda item: -item.priority):
         corners = _candidates(label)
         free = _is_free(corners, label, boxes[:count], size)
+        free[len(DIRECTIONS) :] &= may_go_far
         wanted = (previous or {}).get(label.key, 0)
         if free.any():
             slot = wanted if free[wanted] else int(np.argmax(free))

@@ -8,16 +8,21 @@ from . import palette as ink
 
 HEIGHT = 28
 GAP = 13
+EDGE = 8
+PADDING = 12
 
 
 def draw_legend(hud):
-    """Draw the strip on the display's canvas, centred."""
-    entries = _entries(hud)
-    widths = [width for width, _ in entries]
-    total = sum(widths) + GAP * (len(entries) - 1) + 24
-    x, y = (hud.width - total) / 2, hud.height - HEIGHT - 8
+    """Draw the strip on the display's canvas, centred; what does not fit is left out."""
+    entries, room = [], hud.width - 2 * (EDGE + PADDING) + GAP
+    for width, draw in _entries(hud):
+        room -= width + GAP
+        if room >= 0:
+            entries.append((width, draw))
+    total = sum(width for width, _ in entries) + GAP * (len(entries) - 1) + 2 * PADDING
+    x, y = (hud.width - total) / 2, hud.height - HEIGHT - EDGE
     hud.box(x, y, total, HEIGHT)
-    x += 12
+    x += PADDING
     for width, draw in entries:
         draw(x, y + HEIGHT / 2)
         x += width + GAP

@@ -4,13 +4,12 @@ import numpy as np
 
 from ..terms import TaskType
 from . import palette as ink
-from .canvas import text_width
+from .canvas import CIRCLE, text_width
 
-_TURN = np.linspace(0, 2 * np.pi, 17)[:-1]
 SHAPES = {  # unit outlines: y down
-    TaskType.UAV_ONLY: np.array([(0, -1.15), (1.05, 0.7), (-1.05, 0.7)]),
+    TaskType.UAV_ONLY: np.array([(0, -1.25), (1.25, 0), (0, 1.25), (-1.25, 0)]),
     TaskType.UGV_ONLY: np.array([(-0.85, -0.85), (0.85, -0.85), (0.85, 0.85), (-0.85, 0.85)]),
-    TaskType.GENERAL: np.stack([np.sin(_TURN), -np.cos(_TURN)], axis=-1),
+    TaskType.GENERAL: CIRCLE,
 }
 TICK = np.array([(-0.8, 0.05), (-0.2, 0.7), (0.9, -0.7)])
 
@@ -34,7 +33,7 @@ def draw_changed(canvas, at, new_type, radius, unit, alpha=1.0):
 
 def draw_service(canvas, at, radius, progress, unit):
     """A ring that closes with the task's progress."""
-    canvas.ring(at, radius + 4.5 * unit, ink.PANEL, 4.5 * unit, 0.7)
+    canvas.ring(at, radius + 4.5 * unit, ink.PANEL, 4.2 * unit, 0.7)
     canvas.ring(at, radius + 4.5 * unit, ink.INK, 2.2 * unit, 1.0, part=progress)
 
 
@@ -74,15 +73,23 @@ def draw_robot(canvas, at, ahead, colour, radius, is_aerial, alpha=1.0):
 
 
 def draw_route_mark(canvas, at, ahead, route, colour, unit, alpha=1.0):
-    """A message: a dot between robots, an arrowhead climbing the uplink, a diamond coming down."""
+    """A message: a dot between robots, an arrowhead climbing the uplink, a bar across coming down."""
     at, ahead = np.asarray(at, float), np.asarray(ahead, float)
     side = np.array([-ahead[1], ahead[0]])
     if route == 0:
         canvas.disc(at, 2.4 * unit, colour, alpha)
     elif route == 1:
-        canvas.polygon(np.array([at + 4.6 * unit * ahead, at + unit * (3.2 * side - 2.6 * ahead), at - unit * (3.2 * side + 2.6 * ahead)]), colour, alpha)
+        canvas.polygon(
+            at + unit * np.array([4.6 * ahead, 3.2 * side - 2.6 * ahead, -3.2 * side - 2.6 * ahead]), colour, alpha
+        )
     else:
-        canvas.polygon(at + 4.2 * unit * np.array([ahead, 0.72 * side, -ahead, -0.72 * side]), colour, alpha)
+        canvas.lines([np.array([at - 4 * unit * side, at + 4 * unit * side])], colour, 2.4 * unit, alpha)
+
+
+def draw_boundary(canvas, projection, side, width):
+    """The edge of the map, a thin line on the plain."""
+    corners = np.array([(0, 0, 0), (side, 0, 0), (side, side, 0), (0, side, 0), (0, 0, 0)], float)
+    canvas.lines(projection.polyline(corners), ink.INK, width, 0.22)
 
 
 def draw_cross(canvas, at, radius, colour, width, alpha=1.0):

@@ -61,7 +61,8 @@ class Minimap:
         """The part of the ground in the picture, outlined."""
         side = self.world.layout.side
         corners = np.array([(0, 0), (1, 0), (1, 1), (0, 1)]) * [projection.width, projection.height]
-        rays = np.c_[(corners - [projection.width / 2, projection.height / 2]) / projection.focal, np.ones(4)] @ projection.axes
+        offsets = (corners - [projection.width / 2, projection.height / 2]) / projection.focal
+        rays = np.c_[offsets, np.ones(4)] @ projection.axes
         # Rays at or above the horizon meet the ground far away.
         reach = np.where(rays[:, 2] < -1e-6, projection.position[2] / np.maximum(-rays[:, 2], 1e-6), np.inf)
         ground = projection.position[:2] + np.minimum(reach, 4 * side)[:, None] * rays[:, :2]

@@ -8,6 +8,7 @@ from ..terms import Activity, Fate, Mode
 
 TURN_TO_BANK = 0.6  # rad of bank per rad/s of turning
 MAX_BANK = 0.45  # rad
+COURSE_WINDOW = 12  # s before and after
 MINUTE = 60.0  # s: messages are counted over the last one
 ROUTES = ("robots", "uplink", "downlink")
 ROUTE_OF_KIND = np.array([0, 1, 1, 1, 2, 2, 2])  # index into ROUTES, by terms.Kind
@@ -32,6 +33,7 @@ class Moment:
     time: float  # s
     xy: np.ndarray  # [R, 2] m
     heading: np.ndarray  # [R] rad from east, counterclockwise
+    course: np.ndarray  # [R] rad: the heading, smoothed for a camera that follows
     bank: np.ndarray  # [R] rad, positive when turning left
     moving: np.ndarray  # [R] bool
     activity: np.ndarray  # [R] terms.Activity
@@ -62,6 +64,7 @@ class Timeline:
         self.trace, self.lag = trace, lag
         self.ticks = len(trace.robot_xy) - 1
         self._heading = _headings(trace.robot_xy)
+        self._course = _smooth(np.exp(1j * self._heading), COURSE_WINDOW)
         self._assigned_at = _run_starts(trace.robot_task)
         left = trace.message_sent >= 0
         self._start = np.where(left, trace.message_sent, trace.message_ended)
@@ -81,6 +84,7 @@ class Timeline:
             time=time,
             xy=trace.robot_xy[tick] + step * part,
             heading=heading,
+            course=np.angle(self._course[tick] * (1 - part) + self._course[after] * part),
             bank=np.where(moving, np.clip(TURN_TO_BANK * turn, -MAX_BANK, MAX_BANK), 0.0),
             moving=moving,
             activity=activity,
@@ -136,6 +140,15 @@ def _headings(xy):
     last = np.maximum.accumulate(np.where(moves, np.arange(len(step))[:, None], -1), axis=0)
     angle = np.arctan2(step[..., 1], step[..., 0])
     return np.where(last >= 0, np.take_along_axis(angle, np.maximum(last, 0), axis=0), np.pi / 2)
+
+
+def _smooth(values, window):
+    """Means [N + 1, R] of values [N, R] over `window` neighbours on both sides."""
+    n = len(values)
+    total = np.concatenate([np.zeros_like(values[:1]), np.cumsum(values, axis=0)])
+    ticks = np.arange(n + 1)
+    first, last = np.clip(ticks - window, 0, n - 1), np.clip(ticks + window, 1, n)
+    return (total[last] - total[first]) / (last - first)[:, None]
 
 
 def _run_starts(values):

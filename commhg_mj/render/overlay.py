@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from ..models.mjcf import display_scale
 from ..terms import Activity, Fate, Mode, Session
 from . import marks
 from . import palette as ink
@@ -11,36 +12,54 @@ from .labels import Label, place_labels
 
 NEIGHBOURS = 4  # links drawn from a robot, as many as a broadcast reaches
 FAINT = 0.35  # opacity of what a mountain hides
+VISIBLE_SIZE = 26  # a robot's model of at least so many units needs no mark
 MAX_FLIGHTS = 220  # messages drawn at once
 LOST_AT = {Fate.DELIVERED: 1.0, Fate.TERRAIN: 0.55, Fate.LOST: 0.7, Fate.OUT_OF_RANGE: 0.35}  # of the way
+MAX_TASK_LABELS = 20
 ROUTE_CACHE = 512
+ARC_RISE = 0.13  # of its length: how high a control arc bends
+CROWD = 24  # robots: labels of more stay close to them
+SMALLEST_UNIT = 0.45  # pixels; smaller pictures have no labels
 
 
 class Overlay:
-    """Draws one trace over pictures of its world; `unit` is the size of a 720p pixel."""
+    """Draws one trace over pictures of its world; `pins` [T, 3] m is where its tasks' marks stand."""
 
-    def __init__(self, trace, world, canvas, unit):
-        self.trace, self.world, self.canvas, self.unit = trace, world, canvas, unit
+    def __init__(self, trace, world, canvas, pins):
+        self.trace, self.world, self.canvas = trace, world, canvas
+        scale = min(canvas.width / 1280, canvas.height / 720)
+        self.unit = max(SMALLEST_UNIT, scale)
+        self.has_labels = scale >= SMALLEST_UNIT
+        # Crowds get smaller signs.
+        self.robot_size = 5.2 * self.unit * min(1.0, (24 / trace.scenario.n_robots) ** 0.3)
+        self.task_size = self.unit * min(1.0, (150 / trace.scenario.n_tasks) ** 0.4)
         self.n_uav = trace.scenario.n_uav
         layout = world.layout
         mast = [*layout.station, trace.scenario.world.mast_height]
         self.station = np.array(mast, float)
         self.seats = np.c_[layout.operators, np.full(len(layout.operators), 2.0)]
         self.pois = np.c_[trace.task_xy, layout.ground_height(trace.task_xy) + 1.0]
+        self.pins = pins
         self.slots, self._routes = {}, {}
 
     def draw(self, moment, robots, projection, taken):
         """`robots` [R, 3] are the robots' positions in metres; labels keep off the boxes `taken`."""
         self.projection = projection
+        marks.draw_boundary(self.canvas, projection, self.world.layout.side, self.unit)
         self._links(moment, robots)
         self._targets(moment, robots)
         self._control(moment, robots)
-        at, seen, alpha = self._visible(np.concatenate([robots, self.pois]))
+        at, seen, alpha = self._visible(np.concatenate([robots, self._task_places(moment)]))
         count = len(robots)
         self._tasks(moment, at[count:], seen[count:], alpha[count:])
         self._messages(moment, robots)
         self._robots(moment, robots, at[:count], seen[:count], alpha[:count])
-        self._labels(moment, at, seen, taken)
+        if self.has_labels:
+            self._labels(moment, robots, at, seen, taken)
+
+    def _task_places(self, moment):
+        """Marks stand on the beams of open tasks, and on the ground once they are done [T, 3]."""
+        return np.where(moment.done[:, None], self.pois, self.pins)
 
     def colour(self, robot, moment):
         failed = moment.activity[robot] == Activity.FAILED
@@ -72,13 +91,13 @@ class Overlay:
         pairs |= {(i, len(robots)) for i in range(len(robots)) if quality[i, -1] > 0}
         for i, j in sorted(pairs):
             value = quality[i, -1] if j == len(robots) else mutual[i, j]
-            self._line([ends[i], ends[j]], ink.link_colour(value), 1.0, 0.16 + 0.3 * value)
+            self._line([ends[i], ends[j]], ink.link_colour(value), 1.0, 0.22 + 0.38 * value)
 
     def _targets(self, moment, robots):
         """Who goes where: straight through the air, along its route on the ground."""
         for i in np.flatnonzero((moment.task >= 0) & (moment.activity == Activity.TRAVELLING)):
             if i < self.n_uav:
-                way = np.stack([robots[i], self.pois[moment.task[i]]])
+                way = np.stack([robots[i], self.pins[moment.task[i]]])
             else:
                 way = self._ground_route(i, moment)
             self._line(way, ink.PANEL, 3.4, 0.35)
@@ -111,7 +130,7 @@ class Overlay:
                 self._line(arc, colour, 2.0, 0.8)
 
     def _arc(self, start, end):
-        rise = np.array([0, 0, 0.05 * self.world.layout.side + 0.12 * np.linalg.norm(end - start)])
+        rise = np.array([0, 0, ARC_RISE * np.linalg.norm(end - start)])
         t = np.linspace(0, 1, 21)[:, None]
         return (1 - t) ** 2 * start + 2 * t * (1 - t) * ((start + end) / 2 + rise) + t**2 * end
 
@@ -120,9 +139,8 @@ class Overlay:
             marks.draw_task(self.canvas, at[task], moment, self.trace, task, self._radius(task), self.unit, alpha[task])
 
     def _radius(self, task):
-        """Worthier tasks are larger; a crowd of tasks is smaller."""
-        value = self.trace.task_value[task] / self.trace.task_value.max()
-        return (3.2 + 2.6 * value) * self.unit * min(1.0, (150 / len(self.trace.task_value)) ** 0.4)
+        """Worthier tasks are larger."""
+        return (3.2 + 2.6 * self.trace.task_value[task] / self.trace.task_value.max()) * self.task_size
 
     def _messages(self, moment, robots):
         flight = moment.flight
@@ -151,51 +169,60 @@ class Overlay:
         if reach >= 1.0 and lost_at < 1:
             marks.draw_cross(self.canvas, at[0], 4 * self.unit, colour, 2 * self.unit, 3.5 * (1 - phase))
             return
-        self.canvas.lines([at[::-1]], colour, 1.6 * self.unit, 0.55)
         ahead = (at[0] - at[1]) / max(1e-6, np.linalg.norm(at[0] - at[1]))
+        across = 1.7 * self.unit * np.array([-ahead[1], ahead[0]])
+        self.canvas.polygon(np.array([at[0] + across, at[0] - across, at[1]]), colour, 0.5)
         marks.draw_route_mark(self.canvas, at[0], ahead, route, colour, self.unit, 0.95)
+
+    def _apparent_size(self, robots):
+        """Span of each robot's model in pixels."""
+        return self.projection.scale_at(robots) * display_scale(self.world.layout.side)
 
     def _robots(self, moment, robots, at, seen, alpha):
         """Marks for robots too small to be seen, and stems that show where the aerial ones are."""
-        scale = self.projection.scale_at(robots)
+        size = self._apparent_size(robots)
         for i in np.flatnonzero(seen):
             colour = self.colour(i, moment)
             foot = [*robots[i, :2], float(self.world.layout.ground_height(robots[i, :2]))]
             if i < self.n_uav and moment.activity[i] != Activity.FAILED:
                 self._line([robots[i], foot], colour, 1.0, 0.5 * alpha[i])
             if moment.controller[i] >= 0:
-                self.canvas.ring(at[i], 10.5 * self.unit, ink.operator_colour(moment.controller[i]), 2 * self.unit, alpha[i])
-            if scale[i] < 6 * self.unit:
+                badge = ink.operator_colour(moment.controller[i])
+                self.canvas.ring(at[i], 2.1 * self.robot_size, badge, 2 * self.unit, alpha[i])
+            if size[i] < VISIBLE_SIZE * self.unit:
                 nose = robots[i] + [np.cos(moment.heading[i]), np.sin(moment.heading[i]), 0]
                 ahead = self.projection.pixels(nose)[0] - at[i]
                 ahead = ahead / max(1e-6, np.linalg.norm(ahead))
-                marks.draw_robot(self.canvas, at[i], ahead, colour, 5.2 * self.unit, i < self.n_uav, alpha[i])
+                marks.draw_robot(self.canvas, at[i], ahead, colour, self.robot_size, i < self.n_uav, alpha[i])
 
-    def _labels(self, moment, at, seen, taken):
+    def _labels(self, moment, robots, at, seen, taken):
         """Names of robots and of the tasks that they head for; marks keep their places free."""
         size, count = 11.5 * self.unit, len(moment.xy)
         names = self.trace.scenario.robot_names
-        labels = [
-            Label(i, tuple(at[i]), self._tag_width(i, moment, size), 1.5 * size, 9 * self.unit, 2 + (moment.controller[i] >= 0))
-            for i in np.flatnonzero(seen[:count])
-        ]
-        for task in np.unique(moment.task[moment.task >= 0]):
+        gaps = np.maximum(9 * self.unit, 0.5 * self._apparent_size(robots))
+        labels = []
+        for i in np.flatnonzero(seen[:count]):
+            width, priority = self._tag_width(i, moment, size), 3 if moment.controller[i] >= 0 else 2
+            labels.append(Label(i, tuple(at[i]), width, 1.5 * size, float(gaps[i]), priority))
+        targets = np.unique(moment.task[moment.task >= 0])
+        for task in targets if len(targets) <= MAX_TASK_LABELS else []:
             if seen[count + task]:
                 width = text_width(f"T{task}", size)
-                labels.append(Label(f"T{task}", tuple(at[count + task]), width, 1.3 * size, 9 * self.unit, 1))
-        places = place_labels(labels, self._marks_boxes(at[:count][seen[:count]], taken), (self.canvas.width, self.canvas.height), self.slots)
+                labels.append(Label(f"T{task}", tuple(at[count + task]), width, 1.3 * size, 12 * self.unit, 1))
+        busy = np.concatenate([at[:count][seen[:count]], at[count + targets][seen[count + targets]]])
+        boxes = [*sorted(taken), *np.concatenate([busy - 7 * self.unit, busy + 7 * self.unit], axis=1)]
+        size_of_picture = self.canvas.width, self.canvas.height
+        places = place_labels(labels, boxes, size_of_picture, self.slots, may_go_far=count <= CROWD)
         self.slots = {key: place.slot for key, place in places.items()}
         for label in labels:
             if label.key in places:
                 self._tag(label, places[label.key], names, moment, size)
 
-    def _marks_boxes(self, at, taken):
-        reach = 7 * self.unit
-        return [*sorted(taken), *np.concatenate([at - reach, at + reach], axis=1)]
-
     def _tag_width(self, robot, moment, size):
-        badge = text_width(f"H{moment.controller[robot]}", size, 700) + 1.1 * size if moment.controller[robot] >= 0 else 0
-        return text_width(self.trace.scenario.robot_names[robot], size, 500) + 0.8 * size + badge
+        width = text_width(self.trace.scenario.robot_names[robot], size, 500) + 0.8 * size
+        if moment.controller[robot] >= 0:
+            width += text_width(f"H{moment.controller[robot]}", size, 700) + 1.1 * size
+        return width
 
     def _tag(self, label, place, names, moment, size):
         """A robot's chip with its operator's badge, or a task's bare name."""

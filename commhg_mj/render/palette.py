@@ -1,10 +1,11 @@
 """Colours of the pictures: a restrained, colour-blind-safe set with one role for each hue.
 
-Blue is air, orange is ground, pale green is either: robots and the tasks that they may service share their
-hue. Operators have hues of their own; a message's colour is its fate. Values are OpenCV's (blue, green, red).
+Blue is air, orange is ground, pink is either: robots and the tasks that they may service share their hue.
+Operators have hues of their own; a message's colour is its fate. Values are OpenCV's (blue, green, red).
 """
 
-from ..terms import Activity, Fate, TaskType
+from ..models.mjcf import TYPE_COLOURS
+from ..terms import Activity, Fate
 
 
 def _bgr(code: str) -> tuple[int, int, int]:
@@ -22,8 +23,8 @@ FAILED = _bgr("8C8C8C")
 
 AIR = [_bgr(code) for code in ("56B4E9", "7CA7FF", "35D0E8", "8FD3FF", "4C8DF0", "9DB4FF", "2FB5C7", "B5DCFF")]
 GROUND = [_bgr(code) for code in ("F39C3D", "FFC46B", "E87B35", "FFAE85", "D9A441", "FF8F5C", "F0C060", "E39A6F")]
-TASK = {TaskType.UAV_ONLY: _bgr("58B7F2"), TaskType.UGV_ONLY: _bgr("F59A37"), TaskType.GENERAL: _bgr("D6EFC4")}
-OPERATOR = [_bgr(code) for code in ("E58BC4", "F3E45C", "9B8CFF", "5FE0A0", "FF7F7F", "C9A27E", "C4F06A", "D36BFF")]
+TASK = {kind: tuple(round(255 * c) for c in reversed(rgb)) for kind, rgb in TYPE_COLOURS.items()}
+OPERATOR = [_bgr(code) for code in ("F3E45C", "B79BFF", "5FE0A0", "FF8080", "E8C9A0", "C4F06A", "80E8E0", "FFFFFF")]
 
 FATE = {
     Fate.UNDERWAY: _bgr("8E9AA8"),
@@ -44,9 +45,9 @@ FATE_NAME = {
 }
 ACTIVITY = {
     Activity.TRAVELLING: _bgr("6FA8DC"),
-    Activity.SERVICING: _bgr("35C9A5"),
+    Activity.SERVICING: _bgr("F4F7FA"),
     Activity.IDLE: _bgr("7C8896"),
-    Activity.FAILED: _bgr("3F3F46"),
+    Activity.FAILED: _bgr("B4534B"),
 }
 LINK_GOOD, LINK_FAIR, LINK_POOR = _bgr("3FD0A0"), _bgr("E8D060"), _bgr("F0563C")
 

@@ -10,19 +10,21 @@ from .cameras import Projection, place_camera
 from .gl import make_context
 
 SUPERSAMPLING = 1.5  # rendered this much larger, then reduced: cheaper and smoother than multisampling here
-SPIN = 23.0  # rad between pictures for each rotor: any odd angle looks like spinning
+SPIN = 23.0  # rad/s of the mission: any odd number looks like spinning
 FORWARD_PITCH = 0.12  # rad of a UAV on its way
 FALLEN_ROLL = 0.5  # rad of a failed UAV on the ground
 FALLEN_HEIGHT = 1.0  # m of its hull above the ground
 GREY = np.array([0.32, 0.32, 0.34, 1.0], np.float32)
-DONE_ALPHA = 0.25
 
 
 class Stage:
-    """One world's model with an off-screen renderer of pictures of `size` = (width, height) pixels."""
+    """One world's model with an off-screen renderer of pictures of `size` = (width, height) pixels.
 
-    def __init__(self, trace, world, size):
-        self.trace, self.world, self.size = trace, world, size
+    `has_markers`: show the model's own markers on the POIs, rather than leave their place to drawn marks.
+    """
+
+    def __init__(self, world, size):
+        self.world, self.size, self.has_markers = world, size, False
         self.model = build_model(world, pictures=True)
         self.data = mujoco.MjData(self.model)
         width, height = (round(SUPERSAMPLING * n) for n in size)
@@ -35,21 +37,27 @@ class Stage:
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
         self._options = mujoco.MjvOption()
         self._rgba = self.model.geom_rgba.copy()
-        self._robots = [_Body(self.model, name) for name in trace.scenario.robot_names]
-        self._pois = [_Body(self.model, f"poi{i}") for i in range(len(world.pois))]
+        mujoco.mj_kinematics(self.model, self.data)
+        self._robots = [_Body(self.model, name) for name in world.scenario.robot_names]
+        self._discs, self._beams, self._markers = (
+            np.array([self.model.geom(f"poi{i}/{part}").id for i in range(len(world.pois))])
+            for part in ("disc", "beam", "marker")
+        )
+        self.pins = self.data.geom_xpos[self._markers].copy()  # [T, 3] m, where tasks' marks go
 
     def positions(self, moment) -> np.ndarray:
         """Where the robots are [R, 3] m."""
         ground = self.world.layout.ground_height(moment.xy)
-        flying = np.arange(len(moment.xy)) < self.trace.scenario.n_uav
+        flying = np.arange(len(moment.xy)) < self.world.scenario.n_uav
         failed = moment.activity == Activity.FAILED
-        height = np.where(flying, np.where(failed, FALLEN_HEIGHT, self.trace.scenario.world.uav_height), 0.0)
+        height = np.where(flying, np.where(failed, FALLEN_HEIGHT, self.world.scenario.world.uav_height), 0.0)
         return np.c_[moment.xy, ground + height]
 
     def render(self, moment, camera: str) -> tuple[np.ndarray, Projection]:
         """(picture [height, width, 3] in blue, green, red; the projection that it was taken with)."""
         self._pose(moment)
-        view = place_camera(camera, self.world, moment, self.positions(moment)[:, 2])
+        heights, aspect = self.positions(moment)[:, 2], self.size[0] / self.size[1]
+        view, self.model.vis.global_.fovy = place_camera(camera, self.world, moment, heights, aspect)
         catch = mujoco.mjtCatBit.mjCAT_ALL
         mujoco.mjv_updateScene(self.model, self.data, self._options, None, view, catch, self._scene)
         mujoco.mjr_render(self.viewport, self._scene, self._context)
@@ -66,21 +74,25 @@ class Stage:
         model, data = self.model, self.data
         model.geom_rgba[:] = self._rgba
         for i, (body, at) in enumerate(zip(self._robots, self.positions(moment))):
-            failed, flying = moment.activity[i] == Activity.FAILED, i < self.trace.scenario.n_uav
+            failed, flying = moment.activity[i] == Activity.FAILED, i < self.world.scenario.n_uav
             roll, pitch = 0.0, 0.0
             if flying:
                 roll, pitch = (FALLEN_ROLL, 0.0) if failed else (-moment.bank[i], FORWARD_PITCH * moment.moving[i])
             data.mocap_pos[body.mocap], data.mocap_quat[body.mocap] = at, _attitude(moment.heading[i], pitch, roll)
             if failed:
                 model.geom_rgba[body.geoms] = GREY
-            else:
-                data.qpos[body.joints] = SPIN * moment.time * np.where(np.arange(len(body.joints)) % 2, 1, -1)
-        for i, body in enumerate(self._pois):
-            if not moment.released[i]:
-                model.geom_rgba[body.geoms, 3] = 0
-            elif moment.done[i]:
-                model.geom_rgba[body.geoms, 3] *= DONE_ALPHA
+            data.qpos[body.joints] = 0.0 if failed else SPIN * moment.time * body.spins
+        self._pose_pois(moment)
         mujoco.mj_kinematics(model, data)
+
+    def _pose_pois(self, moment):
+        """A beam stands while its task is open."""
+        rgba = self.model.geom_rgba
+        if not self.has_markers:
+            rgba[self._markers, 3] = 0
+        rgba[self._beams[~moment.released | moment.done], 3] = 0
+        rgba[self._discs[~moment.released], 3] = 0
+        rgba[self._discs[moment.done]] = GREY
 
 
 class _Body:
@@ -92,6 +104,7 @@ class _Body:
         self.mocap = body.mocapid[0]
         self.geoms = np.flatnonzero(inside[model.geom_bodyid])
         self.joints = model.jnt_qposadr[inside[model.jnt_bodyid]]
+        self.spins = np.where(np.arange(len(self.joints)) % 2, 1, -1)  # neighbours turn against each other
 
 
 def _attitude(heading, pitch, roll):

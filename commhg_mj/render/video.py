@@ -17,9 +17,11 @@ def whole_file(out):
     """A path to write to in the folder of `out`, renamed to `out` at the end, removed after an error.
 
     Raises:
-      ValueError: the folder does not exist or cannot be written.
+      ValueError: the folder does not exist or cannot be written, or `out` is a folder itself.
     """
     out = Path(out)
+    if out.is_dir():
+        raise ValueError(f"cannot write {out}: it is a folder")
     part = out.with_name(f".{out.stem}.{os.getpid()}.part{out.suffix}")
     try:
         part.touch()

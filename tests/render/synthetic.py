@@ -145,8 +145,8 @@ def _supervise(scenario, robots, ticks, rng):
                     robots["robot_mode"][tick, choice] = Mode.HANDOVER if phase < 8 else Mode.CONTROLLED
             drift = 0.002 if session[tick, i] == Session.HELD else -0.003
             fatigue[tick, i] = np.clip(fatigue[max(0, tick - 1), i] + drift, 0, 1)
-    tokens = rng.uniform(0, 192, (ticks + 1, h)).astype("f4")
-    return {"operator_fatigue": fatigue, "operator_session": session, "operator_robot": robot, "operator_tokens": tokens}
+    log = {"operator_fatigue": fatigue, "operator_session": session, "operator_robot": robot}
+    return log | {"operator_tokens": rng.uniform(0, 192, (ticks + 1, h)).astype("f4")}
 
 
 def _talk(scenario, ticks, rng):
