@@ -9,7 +9,7 @@ from ..kernels import kernel
 from ..models.world import World, make_world
 from ..radio import find_link_model
 from ..scenarios import LIMITATIONS, Scenario, load_scenario
-from ..terms import IDLE, KEEP, NOBODY, REST, Activity
+from ..terms import IDLE, KEEP, NOBODY, REST
 from .access import operator_of, robot_of
 from .decide import ILLEGAL, Decisions, apply_decisions, find_illegal
 from .draw import draw_mission, initialize

@@ -9,12 +9,12 @@ from typing import NamedTuple
 import numpy as np
 
 from ..kernels import kernel
-from ..models.routes import MAX_VISIBLE, measure_goals
+from ..models.routes import MAX_VISIBLE, distance, measure_goals
 from ..terms import NOBODY, Activity, Embodiment, Kind, Mode, Session
 from .access import (
     belief_of, operator_of, peer_of, resource_of, robot_of, routes_of, scratch_of, task_of, uplink_of,
 )  # fmt: skip
-from .records import believed_type, is_compatible, is_ruled_out
+from .records import DONE, believed_type, is_compatible, is_ruled_out
 from .state import record
 
 UNKNOWN = -1.0
@@ -118,7 +118,8 @@ def observe_robot(m, r, seen, tasks, peers, operators):
 def observe_tasks(m, r, is_prescribed, rows):
     """Public attributes, robot r's belief, the way there and the mask, task by task."""
     robot, now, n_routes = robot_of(m, r), m.now, 0
-    wanted = scratch_of(m).found
+    is_ground, place = robot.embodiment == UGV, robot.place
+    wanted, between = scratch_of(m).found, routes_of(m).between
     for j in range(m.n_tasks):
         task, belief, row = task_of(m, j), belief_of(m, r, j), rows[j]
         row.claimed_by, row.claim_age = NOBODY, UNKNOWN
@@ -134,16 +135,15 @@ def observe_tasks(m, r, is_prescribed, rows):
         row.progress = belief.progress if belief.time >= 0.0 else 0.0
         row.x, row.y = task.x, task.y
         row.difficulty, row.value, row.deadline, row.decay = task.difficulty, task.value, task.deadline, task.decay
-        row.distance = np.hypot(task.x - robot.x, task.y - robot.y)
-        if is_ruled_out(m, r, j):
+        row.distance = distance(task.x - robot.x, task.y - robot.y)
+        if row.status == DONE or not is_compatible(robot.embodiment, row.type):
             continue
         row.legal = j != robot.task and not row.refused and not is_prescribed
-        if robot.embodiment == UGV:
-            if robot.place != NOBODY:
-                row.distance = routes_of(m).between[robot.place, j]
-            else:
-                wanted[MAX_VISIBLE + n_routes] = j
-                n_routes += 1
+        if is_ground and place != NOBODY:
+            row.distance = between[place, j]
+        elif is_ground:
+            wanted[MAX_VISIBLE + n_routes] = j
+            n_routes += 1
     if n_routes > 0:
         measure_routes(m, robot, n_routes, rows)
 
@@ -206,4 +206,4 @@ def observe_operator(m, h, seen, rows):
         if report.task != NOBODY:
             task = task_of(m, report.task)
             row.difficulty, row.value, row.deadline, row.decay = task.difficulty, task.value, task.deadline, task.decay
-            row.distance = np.hypot(task.x - report.x, task.y - report.y)
+            row.distance = distance(task.x - report.x, task.y - report.y)

@@ -5,7 +5,7 @@ Newer evidence replaces older, relaying refreshes nothing, completion is termina
 
 from ..kernels import kernel
 from ..terms import Embodiment, Status, TaskType
-from .access import belief_of, copy_record, inbox_of, peer_of, robot_of, task_of
+from .access import belief_of, copy_record, inbox_of, peer_of, robot_of, routes_of, task_of
 from .state import NEVER
 
 DONE = int(Status.DONE)
@@ -98,13 +98,13 @@ def age_records(m, now):
 @kernel
 def sense(m, r, now):
     """Robot r sees the true state of every released task within its radius."""
-    robot = robot_of(m, r)
-    x, y = robot.x, robot.y
-    radius2 = m.rules.sensing_radius ** 2
+    robot, pois = robot_of(m, r), routes_of(m).goals
+    x, y, place = robot.x, robot.y, robot.place
+    radius2 = m.rules.sensing_radius**2
     for j in range(m.n_tasks):
-        task = task_of(m, j)
-        dx, dy = task.x - x, task.y - y
-        if dx * dx + dy * dy <= radius2 or (j == robot.task and dx == 0.0 and dy == 0.0):
+        dx, dy = pois[j, 0] - x, pois[j, 1] - y
+        if dx * dx + dy * dy <= radius2 or j == place:
+            task = task_of(m, j)
             if task.released:
                 learn_task(m, r, j, task.type, task.status, task.progress, float(now), 1)
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from ..kernels import kernel
-from ..models.routes import DIRECT, best_start, find_visible, is_clear
+from ..models.routes import DIRECT, best_start, distance, find_visible, is_clear
 from ..terms import NOBODY, Activity, Embodiment, Mode, Status
 from .access import operator_of, robot_of, routes_of, scratch_of, task_of
 from .randomness import Event, uniform
@@ -85,12 +85,12 @@ def travel(m, r):
     left = m.rules.speed[1 if robot.mode == CONTROLLED else 0, robot.embodiment]
     while True:
         dx, dy = robot.waypoint_x - robot.x, robot.waypoint_y - robot.y
-        distance = np.hypot(dx, dy)
-        if distance > left:
-            robot.x += dx / distance * left
-            robot.y += dy / distance * left
+        way = distance(dx, dy)
+        if way > left:
+            robot.x += dx / way * left
+            robot.y += dy / way * left
             return
-        left -= distance
+        left -= way
         robot.x, robot.y = robot.waypoint_x, robot.waypoint_y
         if robot.hop == DIRECT:
             break

@@ -2,7 +2,7 @@
 
 from ..kernels import kernel
 from ..radio.links import PERFECT
-from ..terms import NOBODY, Activity, Kind, Mode, Status
+from ..terms import Activity, Kind, Mode, Status
 from .access import (
     copy_record, downlink_of, flying_of, message_at, operator_of, peer_of, resource_of, robot_of, task_of,
 )  # fmt: skip

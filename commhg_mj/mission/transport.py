@@ -7,7 +7,7 @@ h is address R + h, the station's shared table R + H.
 from ..kernels import kernel
 from ..terms import NOBODY, Activity, Fate, Kind
 from .access import (
-    belief_of, counters_of, downlink_of, flying_of, message_at, operator_of, peer_of, robot_of, scratch_of, task_of, tip_of,
+    belief_of, copy_record, counters_of, downlink_of, flying_of, message_at, operator_of, peer_of, robot_of, scratch_of, task_of, tip_of,
     uplink_of,
 )  # fmt: skip
 from .links import link_between, link_to_station
@@ -138,12 +138,26 @@ def broadcast(m, r, now):
         count = min(count + 1, degree)
     if count == 0:
         finish(m, BROADCAST, attempt(m, BROADCAST, r, NOBODY, now), OUT_OF_RANGE, now)
+    first = NOBODY
     for k in range(count):
         line = attempt(m, BROADCAST, r, best[k], now)
         slot = transmit(m, BROADCAST, r, best[k], clearances[k], line, now)
-        if slot != NOBODY:
+        if slot != NOBODY and first == NOBODY:
+            first = slot
             write_peer(m, message_at(m, slot).robot, r, now)
             freshest(m, r, False, rules.broadcast_records, message_at(m, slot))
+        elif slot != NOBODY:
+            copy_payload(message_at(m, first), message_at(m, slot))
+
+
+@kernel
+def copy_payload(source, target):
+    """The same content for another receiver of one broadcast."""
+    copy_record(target.robot, source.robot)
+    target.records = source.records
+    for k in range(source.records):
+        target.task[k] = source.task[k]
+        target.belief[k] = source.belief[k]
 
 
 @kernel

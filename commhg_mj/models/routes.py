@@ -49,6 +49,12 @@ def new_scratch(n_goals: int) -> Scratch:
 
 
 @kernel
+def distance(dx, dy):
+    """Length of a planar vector: np.hypot's care about overflow costs ten times as much."""
+    return np.sqrt(dx * dx + dy * dy)
+
+
+@kernel
 def mark_clear(frames, x, y, dx, dy, count, clearance):
     """Which straight legs from (x, y) meet no inflated ellipse.
 
@@ -60,10 +66,9 @@ def mark_clear(frames, x, y, dx, dy, count, clearance):
     for k in range(count):
         clearance[k] = np.float32(1.0)
     for i in range(frames.shape[0]):
-        f = frames[i]
-        ux, uy = x - f[0], y - f[1]
-        px, py = np.float32(f[2] * ux + f[3] * uy), np.float32(f[4] * ux + f[5] * uy)
-        m00, m01, m10, m11 = np.float32(f[2]), np.float32(f[3]), np.float32(f[4]), np.float32(f[5])
+        ux, uy = x - frames[i, 0], y - frames[i, 1]
+        px, py = np.float32(frames[i, 2] * ux + frames[i, 3] * uy), np.float32(frames[i, 4] * ux + frames[i, 5] * uy)
+        m00, m01, m10, m11 = np.float32(frames[i, 2]), np.float32(frames[i, 3]), np.float32(frames[i, 4]), np.float32(frames[i, 5])
         # Branchless, so that the compiler works on eight legs at once.
         for k in range(count):
             wx, wy = m00 * dx[k] + m01 * dy[k], m10 * dx[k] + m11 * dy[k]
@@ -77,10 +82,9 @@ def mark_clear(frames, x, y, dx, dy, count, clearance):
 def is_clear(frames, ax, ay, bx, by):
     """Whether the straight leg a-b, from free ground to free ground, meets no inflated ellipse."""
     for i in range(frames.shape[0]):
-        f = frames[i]
-        ux, uy, dx, dy = ax - f[0], ay - f[1], bx - ax, by - ay
-        px, py = f[2] * ux + f[3] * uy, f[4] * ux + f[5] * uy
-        wx, wy = f[2] * dx + f[3] * dy, f[4] * dx + f[5] * dy
+        ux, uy, dx, dy = ax - frames[i, 0], ay - frames[i, 1], bx - ax, by - ay
+        px, py = frames[i, 2] * ux + frames[i, 3] * uy, frames[i, 4] * ux + frames[i, 5] * uy
+        wx, wy = frames[i, 2] * dx + frames[i, 3] * dy, frames[i, 4] * dx + frames[i, 5] * dy
         length2, along, cross = wx * wx + wy * wy, px * wx + py * wy, px * wy - py * wx
         if along < 0.0 and along + length2 > 0.0 and cross * cross < (1.0 - TOUCH) * length2:
             return False
@@ -88,11 +92,11 @@ def is_clear(frames, ax, ay, bx, by):
 
 
 @kernel
-def leaves_tangentially(corner, x, y):
-    """Whether a shortest route may turn at this corner when it comes from (x, y)."""
-    dx, dy = corner[0] - x, corner[1] - y
-    before = dx * (corner[3] - y) - dy * (corner[2] - x)
-    after = dx * (corner[5] - y) - dy * (corner[4] - x)
+def leaves_tangentially(corners, i, x, y):
+    """Whether a shortest route may turn at corner i when it comes from (x, y)."""
+    dx, dy = corners[i, 0] - x, corners[i, 1] - y
+    before = dx * (corners[i, 3] - y) - dy * (corners[i, 2] - x)
+    after = dx * (corners[i, 5] - y) - dy * (corners[i, 4] - x)
     slack = 1e-6 * (abs(dx) + abs(dy))
     return (before >= -slack and after >= -slack) or (before <= slack and after <= slack)
 
@@ -105,17 +109,16 @@ def find_visible(frames, corners, x, y, scratch):
     """
     candidates = 0
     for i in range(corners.shape[0]):
-        c = corners[i]
-        if candidates < MAX_VISIBLE and leaves_tangentially(c, x, y):
+        if candidates < MAX_VISIBLE and leaves_tangentially(corners, i, x, y):
             scratch.found[candidates] = i
-            scratch.dx[candidates], scratch.dy[candidates] = c[0] - x, c[1] - y
+            scratch.dx[candidates], scratch.dy[candidates] = corners[i, 0] - x, corners[i, 1] - y
             candidates += 1
     mark_clear(frames, x, y, scratch.dx, scratch.dy, candidates, scratch.clearance)
     count = 0
     for k in range(candidates):
         if scratch.clearance[k] > 0.0:
             scratch.found[count] = scratch.found[k]
-            scratch.distance[count] = np.hypot(scratch.dx[k], scratch.dy[k])
+            scratch.distance[count] = distance(scratch.dx[k], scratch.dy[k])
             count += 1
     return count
 
@@ -142,7 +145,7 @@ def measure_goals(routes, x, y, wanted, count, lengths, scratch):
     blocked = 0
     for k in range(count):
         if scratch.clearance[k] > 0.0:
-            lengths[k] = np.hypot(scratch.dx[k], scratch.dy[k])
+            lengths[k] = distance(scratch.dx[k], scratch.dy[k])
         else:
             lengths[k] = np.inf
             blocked += 1
@@ -170,13 +173,13 @@ def _link_corners(frames, corners, starts, ends, lengths):
     """All mutually visible pairs of corners that a shortest route can use; returns their count."""
     count = 0
     for i in range(corners.shape[0]):
-        a = corners[i]
+        ax, ay = corners[i, 0], corners[i, 1]
         for j in range(i):
-            b = corners[j]
-            if leaves_tangentially(a, b[0], b[1]) and leaves_tangentially(b, a[0], a[1]):
-                if is_clear(frames, a[0], a[1], b[0], b[1]):
+            bx, by = corners[j, 0], corners[j, 1]
+            if leaves_tangentially(corners, i, bx, by) and leaves_tangentially(corners, j, ax, ay):
+                if is_clear(frames, ax, ay, bx, by):
                     starts[count], ends[count] = i, j
-                    lengths[count] = np.hypot(a[0] - b[0], a[1] - b[1])
+                    lengths[count] = distance(ax - bx, ay - by)
                     count += 1
     return count
 

@@ -3,6 +3,7 @@
 import numpy as np
 
 from ..kernels import kernel
+from ..models.routes import distance
 from ..terms import Footprint
 
 FOREST = int(Footprint.FOREST)
@@ -23,10 +24,9 @@ def metres_inside(frames, kinds, kind, ax, ay, bx, by, scratch):
     for i in range(frames.shape[0]):
         if kinds[i] != kind:
             continue
-        f = frames[i]
-        ux, uy = ax - f[0], ay - f[1]
-        px, py = f[2] * ux + f[3] * uy, f[4] * ux + f[5] * uy
-        qx, qy = f[2] * wx + f[3] * wy, f[4] * wx + f[5] * wy
+        ux, uy = ax - frames[i, 0], ay - frames[i, 1]
+        px, py = frames[i, 2] * ux + frames[i, 3] * uy, frames[i, 4] * ux + frames[i, 5] * uy
+        qx, qy = frames[i, 2] * wx + frames[i, 3] * wy, frames[i, 4] * wx + frames[i, 5] * wy
         q2, pq, p2 = qx * qx + qy * qy, px * qx + py * qy, px * px + py * py - 1.0
         root2 = pq * pq - q2 * p2
         if root2 <= 0.0:
@@ -44,7 +44,7 @@ def metres_inside(frames, kinds, kind, ax, ay, bx, by, scratch):
     for k in range(count):
         inside += max(0.0, scratch[1, k] - max(reached, scratch[0, k]))
         reached = max(reached, scratch[1, k])
-    return inside * np.hypot(wx, wy)
+    return inside * distance(wx, wy)
 
 
 @kernel

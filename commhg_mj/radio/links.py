@@ -6,9 +6,8 @@ level and are the same for every model, so that models differ by obstacles alone
 
 from enum import IntEnum
 
-import numpy as np
-
 from ..kernels import kernel
+from ..models.routes import distance
 from .abstract import planar_clearance
 
 
@@ -43,7 +42,7 @@ def robot_link(rules, frames, kinds, scratch, ax, ay, bx, by):
     """
     if rules.link_model == PERFECT:
         return 1.0
-    if np.hypot(bx - ax, by - ay) > rules.range:
+    if distance(bx - ax, by - ay) > rules.range:
         return 0.0
     return planar_clearance(frames, kinds, rules.forest_decay, rules.mountain_decay, ax, ay, bx, by, scratch)
 

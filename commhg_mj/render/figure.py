@@ -156,11 +156,11 @@ def _draw_title(canvas, scenario):
 def _landmarks(world, stage, moment):
     """(name, colour, places [n, 3]) of everything to be named; any of its places will do."""
     layout, n_uav, robots = world.layout, world.scenario.n_uav, stage.positions(moment)
-    found = [("Station", ink.INK, np.array([[*layout.station, world.scenario.world.mast_height]]))]
+    found = [("Station", ink.INK, np.array([[*layout.station, 2.0]]))]
     for name, parts in (("Forest", layout.forests), ("Mountain", layout.mountains)):
         largest = parts[np.argsort(-parts["a"])]
         xy = np.stack([largest["x"], largest["y"]], axis=-1)
-        found.append((name, ink.INK, np.c_[xy, layout.ground_height(xy) + 10]))
+        found.append((name, ink.INK, np.c_[xy, layout.ground_height(xy)]))
     found += [("UAV", ink.AIR[0], robots[:n_uav]), ("UGV", ink.GROUND[0], robots[n_uav:])]
     names = {TaskType.UAV_ONLY: "Task for UAVs", TaskType.UGV_ONLY: "Task for UGVs", TaskType.GENERAL: "Task for both"}
     for kind, name in names.items():

@@ -1,6 +1,7 @@
 """Videos and pictures of a trace."""
 
 import multiprocessing
+import signal
 from collections import deque
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import closing
@@ -113,6 +114,8 @@ _film = None  # this worker's, and how to make it
 def _start_worker(make_film):
     global _film
     _film = make_film
+    # An interrupt is the main process's to handle.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _work(times):
@@ -130,13 +133,15 @@ def _in_order(make_film, chunks, workers):
             for chunk in chunks:
                 yield from film.chunk(chunk)
         return
-    spawn = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, spawn, _start_worker, (make_film,)) as pool:
+    pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), _start_worker, (make_film,))
+    try:
         ahead, waiting = deque(), deque(chunks)
         while ahead or waiting:
             while waiting and len(ahead) <= workers:
                 ahead.append(pool.submit(_work, waiting.popleft()))
             yield from ahead.popleft().result()
+    finally:
+        pool.shutdown(cancel_futures=True)
 
 
 def _counted(pictures, total, progress):

@@ -214,7 +214,7 @@ class Hud:
         u = self.unit
         for name, colour in entries:
             self.canvas.disc(((x + 3) * u, (y - 3.5) * u), 3 * u, colour)
-            x += 8 + self.text(x + 8, y, name, 9.5, ink.MUTED) + 7
+            x += 8 + self.text(x + 8, y, name, 9.5, ink.MUTED) + 6
 
 
 def _clock(time):

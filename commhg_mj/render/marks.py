@@ -79,9 +79,8 @@ def draw_route_mark(canvas, at, ahead, route, colour, unit, alpha=1.0):
     if route == 0:
         canvas.disc(at, 2.4 * unit, colour, alpha)
     elif route == 1:
-        canvas.polygon(
-            at + unit * np.array([4.6 * ahead, 3.2 * side - 2.6 * ahead, -3.2 * side - 2.6 * ahead]), colour, alpha
-        )
+        barbs = 3.2 * side - 2.6 * ahead, -3.2 * side - 2.6 * ahead
+        canvas.polygon(at + unit * np.array([4.6 * ahead, *barbs]), colour, alpha)
     else:
         canvas.lines([np.array([at - 4 * unit * side, at + 4 * unit * side])], colour, 2.4 * unit, alpha)
 

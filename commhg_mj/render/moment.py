@@ -8,7 +8,7 @@ from ..terms import Activity, Fate, Mode
 
 TURN_TO_BANK = 0.6  # rad of bank per rad/s of turning
 MAX_BANK = 0.45  # rad
-COURSE_WINDOW = 12  # s before and after
+COURSE_WINDOW = 25  # s before and after
 MINUTE = 60.0  # s: messages are counted over the last one
 ROUTES = ("robots", "uplink", "downlink")
 ROUTE_OF_KIND = np.array([0, 1, 1, 1, 2, 2, 2])  # index into ROUTES, by terms.Kind
@@ -64,7 +64,7 @@ class Timeline:
         self.trace, self.lag = trace, lag
         self.ticks = len(trace.robot_xy) - 1
         self._heading = _headings(trace.robot_xy)
-        self._course = _smooth(np.exp(1j * self._heading), COURSE_WINDOW)
+        self._course = _smooth(np.unwrap(self._heading, axis=0), COURSE_WINDOW)
         self._assigned_at = _run_starts(trace.robot_task)
         left = trace.message_sent >= 0
         self._start = np.where(left, trace.message_sent, trace.message_ended)
@@ -84,7 +84,7 @@ class Timeline:
             time=time,
             xy=trace.robot_xy[tick] + step * part,
             heading=heading,
-            course=np.angle(self._course[tick] * (1 - part) + self._course[after] * part),
+            course=self._course[tick] * (1 - part) + self._course[after] * part,
             bank=np.where(moving, np.clip(TURN_TO_BANK * turn, -MAX_BANK, MAX_BANK), 0.0),
             moving=moving,
             activity=activity,

@@ -147,12 +147,12 @@ class Overlay:
         ends = np.concatenate([robots, np.tile(self.station, (len(self.seats) + 1, 1))])
         step = -(-len(flight.phase) // MAX_FLIGHTS) or 1
         for m in range(0, len(flight.phase), step):
-            source = ends[flight.sender[m]]
-            colour, route, phase = ink.FATE[Fate(flight.fate[m])], flight.route[m], float(flight.phase[m])
-            if not flight.left[m] or flight.receiver[m] < 0:
-                self._never_sent(source, colour, phase)
+            source, fate, phase = ends[flight.sender[m]], Fate(flight.fate[m]), float(flight.phase[m])
+            if flight.left[m] and flight.receiver[m] >= 0:
+                target = ends[flight.receiver[m]]
+                self._pulse(source, target, ink.FATE[fate], flight.route[m], phase, LOST_AT[fate])
             else:
-                self._pulse(source, ends[flight.receiver[m]], colour, route, phase, LOST_AT[Fate(flight.fate[m])])
+                self._never_sent(source, ink.FATE[fate], phase)
 
     def _never_sent(self, source, colour, phase):
         at, seen = self.projection.pixels(source)

@@ -24,6 +24,11 @@ def test_robots_face_where_they_go(timeline):
     np.testing.assert_allclose(moment.heading[moving], np.arctan2(step[:, 1], step[:, 0])[moving], atol=1e-3)
 
 
+def test_the_camera_that_follows_never_swings(timeline):
+    course = np.array([timeline.at(t).course for t in np.arange(0, 60, 0.5)])
+    assert np.abs(np.diff(course, axis=0)).max() < np.radians(5)
+
+
 def test_ends_of_the_mission(timeline):
     for time in (0.0, 60.0):
         assert np.isfinite(timeline.at(time).heading).all()
