@@ -44,7 +44,7 @@ class RobotRules:
     controlled_speed: tuple = _field((25.0, 8.0), "m/s", "P", "speed under human control", 0.01, 1000)
     malfunction: float = _field(0.10, "probability", "D", "an autonomous robot fails within the time limit", 0, 0.999)
     controlled_hazard: float = _field(0.4, "factor", "D", "on the hazard while controlled", 0, 1)
-    sensing_radius: float = _field(0.06, "of the side", "D", "true task state is seen within it", 0, 2)
+    sensing_radius: float = _field(0.03, "of the side", "D", "true task state is seen within it", 0, 2)
 
 
 @dataclass(frozen=True)
@@ -56,12 +56,13 @@ class TaskRules:
     values: tuple = _field((1.0, 2.0, 3.0), "", "P", "equally likely task values", 0.001, 1e6)
     released_at_start: float = _field(0.70, "share", "D", "tasks known at t = 0", 0, 1)
     last_release: float = _field(0.60, "of the limit", "D", "later releases are uniform up to here", 0, 1)
-    deadline: tuple = _field((0.10, 0.45), "of the limit", "D", "deadline after the release, uniform", 0, 5)
-    decay: tuple = _field((0.08, 0.20), "of the limit", "D", "late-value decay timescale, uniform", 0.001, 10)
-    change_share: float = _field(0.20, "share", "D", "general tasks that turn robot-exclusive", 0, 1)
+    deadline: tuple = _field((120.0, 560.0), "s", "D", "deadline after the release, uniform", 0, 1e6)
+    decay: tuple = _field((80.0, 240.0), "s", "D", "late-value decay timescale, uniform", 0.001, 1e6)
+    change_share: float = _field(0.40, "share", "D", "general tasks that turn robot-exclusive", 0, 1)
+    change_within: float = _field(0.30, "of the limit", "D", "the change comes this soon after the release, uniform", 0, 1)
     service_base: float = _field(20.0, "s", "D", "autonomous service time at D = 0", 1, 1e5)
-    service_per_difficulty: float = _field(60.0, "s", "D", "added at D = 1", 0, 1e5)
-    success_autonomous: tuple = _field((0.95, 0.45), "", "D", "P(success) = a - b D", 0, 1)
+    service_per_difficulty: float = _field(70.0, "s", "D", "added at D = 1", 0, 1e5)
+    success_autonomous: tuple = _field((0.95, 0.85), "", "D", "P(success) = a - b D", 0, 1)
     success_controlled: tuple = _field(
         (0.97, 0.15, 0.20), "", "D", "P(success) = a - b D - c fatigue", 0, 1
     )
@@ -83,9 +84,9 @@ class OperatorRules:
     service_workload: tuple = _field((0.4, 0.6), "", "D", "w = a + b D while it services", 0, 1)
     fatigue_slowdown: float = _field(0.5, "", "D", "controlled service time x (1 + this x fatigue)", 0, 10)
     handover: float = _field(5.0, "s", "D", "after acceptance, without progress", 0, 600)
-    lease: float = _field(30.0, "s", "D", "control holds this long after the last delivered command", 1, 3600)
+    lease: float = _field(15.0, "s", "D", "control holds this long after the last delivered command", 1, 3600)
     renewal_period: float = _field(10.0, "s", "D", "KEEP renews at most this often", 1, 3600)
-    bid_timeout: float = _field(12.0, "s", "D", "a command not accepted by then is given up", 1, 3600)
+    bid_timeout: float = _field(20.0, "s", "D", "a command not accepted by then is given up", 1, 3600)
 
 
 @dataclass(frozen=True)
@@ -224,15 +225,14 @@ def _check_value(name, value, field):
             raise ValueError(f"{name} must lie in {low:g}..{high:g}, is {item!r}")
 
 
-def _scale(name, side, tasks, limit, uav, ugv, operators, forests, mountains, **tables):
-    world = WorldRules(n_forests=forests, n_mountains=mountains)
-    return Scenario(name, side, tasks, limit, uav, ugv, operators, world=world, **tables)
-
-
-SCENARIOS = {
-    "small": _scale("small", 500.0, 22, 600, 2, 2, 2, forests=4, mountains=2),
-    "medium": _scale("medium", 1000.0, 56, 1200, 4, 4, 3, forests=7, mountains=3),
-    "large": _scale("large", 2000.0, 112, 2400, 8, 8, 6, forests=10, mountains=5),
+SCENARIOS = {  # deadlines grow with the way to go
+    "small": Scenario(
+        "small", 500.0, 22, 600, 2, 2, 2, WorldRules(n_forests=4, n_mountains=2), tasks=TaskRules(deadline=(90.0, 420.0))
+    ),
+    "medium": Scenario("medium", 1000.0, 56, 1200, 4, 4, 3),
+    "large": Scenario(
+        "large", 2000.0, 112, 2400, 8, 8, 6, WorldRules(n_forests=10, n_mountains=5), tasks=TaskRules(deadline=(180.0, 840.0))
+    ),
 }
 
 

@@ -46,10 +46,10 @@ def draw_tasks(tasks, world: World, rng) -> None:
     tasks["value"] = rng.choice(rules.values, n)
     later = rng.permutation(n)[round(rules.released_at_start * n) :]
     tasks["release"][later] = np.floor(rng.uniform(0, rules.last_release, len(later)) * limit)
-    tasks["deadline"] = tasks["release"] + rng.uniform(*rules.deadline, n) * limit
-    tasks["decay"] = rng.uniform(*rules.decay, n) * limit
+    tasks["deadline"] = tasks["release"] + rng.uniform(*rules.deadline, n)
+    tasks["decay"] = rng.uniform(*rules.decay, n)
     changes = (world.poi_types == TaskType.GENERAL) & (rng.random(n) < rules.change_share)
-    tasks["change_at"] = np.where(changes, np.floor(rng.uniform(tasks["release"] + 1, limit)), NEVER)
+    tasks["change_at"] = np.where(changes, np.floor(tasks["release"] + 1 + rng.uniform(0, rules.change_within, n) * limit), NEVER)
     tasks["changes_to"] = rng.integers(0, 2, n)
 
 

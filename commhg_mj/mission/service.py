@@ -116,10 +116,29 @@ def arrive(m, r):
 
 
 @kernel
-def service_time(rules, operator, embodiment, difficulty):
-    """Seconds that a task takes under control of `operator`."""
-    base = rules.service_base + rules.service_per_difficulty * difficulty
-    return base * operator.proficiency[embodiment] * (1.0 + rules.fatigue_slowdown * operator.fatigue)
+def autonomous_seconds(rules, difficulty):
+    """Service time of an autonomous robot."""
+    return rules.service_base + rules.service_per_difficulty * difficulty
+
+
+@kernel
+def controlled_seconds(rules, operator, embodiment, difficulty):
+    """Service time under control of `operator`."""
+    slowdown = operator.proficiency[embodiment] * (1.0 + rules.fatigue_slowdown * operator.fatigue)
+    return autonomous_seconds(rules, difficulty) * slowdown
+
+
+@kernel
+def autonomous_success(rules, difficulty):
+    """Probability that an autonomous attempt succeeds."""
+    return max(0.0, rules.success_autonomous[0] - rules.success_autonomous[1] * difficulty)
+
+
+@kernel
+def controlled_success(rules, difficulty, fatigue):
+    """Probability that a controlled attempt succeeds."""
+    p = rules.success_controlled
+    return max(0.0, p[0] - p[1] * difficulty - p[2] * fatigue)
 
 
 @kernel
@@ -131,12 +150,11 @@ def serve(m, r, now):
     task = task_of(m, robot.task)
     if robot.mode == CONTROLLED:
         operator = operator_of(m, robot.controller)
-        seconds = service_time(rules, operator, robot.embodiment, task.difficulty)
-        p = rules.success_controlled
-        success = p[0] - p[1] * task.difficulty - p[2] * operator.fatigue
+        seconds = controlled_seconds(rules, operator, robot.embodiment, task.difficulty)
+        success = controlled_success(rules, task.difficulty, operator.fatigue)
     else:
-        seconds = rules.service_base + rules.service_per_difficulty * task.difficulty
-        success = rules.success_autonomous[0] - rules.success_autonomous[1] * task.difficulty
+        seconds = autonomous_seconds(rules, task.difficulty)
+        success = autonomous_success(rules, task.difficulty)
     task.progress = min(1.0, task.progress + 1.0 / seconds)
     if task.progress < 1.0 - 1e-9:
         return

@@ -1,0 +1,41 @@
+"""Reference policies: `policy(observations) -> decisions`, made for one batch of missions."""
+
+from typing import Callable, NamedTuple
+
+from ..mission.batch import MissionBatch
+from .greedy import Greedy
+from .omniscient import Omniscient, every_second
+from .random import Random
+
+
+class PolicyInfo(NamedTuple):
+    make: Callable  # (MissionBatch) -> policy
+    is_privileged: bool  # reads the true state; an upper reference, marked as such everywhere
+    doc: str
+
+
+POLICIES = {
+    "random": PolicyInfo(Random, False, "uniform over what the masks leave open"),
+    "greedy": PolicyInfo(Greedy, False, "best immediate estimated utility out of local records"),
+    "omniscient": PolicyInfo(Omniscient, True, "privileged reference: true state, free communication"),
+}
+
+
+def find_policy(name: str) -> PolicyInfo:
+    """The registered policy of that name.
+
+    Raises:
+      ValueError: there is none.
+    """
+    if name not in POLICIES:
+        raise ValueError(f"unknown policy {name!r}: use {', '.join(POLICIES)}")
+    return POLICIES[name]
+
+
+def prepare(name: str, scenario, seeds, links="abstract", limitation="nominal", record=False):
+    """(batch, policy) for missions of a scenario; a privileged policy gets its idealised conditions."""
+    info = find_policy(name)
+    if info.is_privileged:
+        scenario, links = every_second(scenario), "perfect"
+    batch = MissionBatch(scenario, seeds, links, limitation, record)
+    return batch, info.make(batch)

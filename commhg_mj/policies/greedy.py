@@ -5,6 +5,7 @@ from ..mission.batch import MissionBatch, stay
 from ..mission.decide import Decisions
 from ..mission.estimate import control_gain, expected_utility
 from ..mission.observe import Observations
+from ..mission.service import autonomous_seconds, autonomous_success, timeliness
 from ..terms import IDLE, KEEP, NOBODY, REST, Activity, Session, Status
 from .schedule import follow_schedule
 
@@ -41,7 +42,7 @@ def choose_tasks(rules, observations, decisions):
             continue
         best, choice = 0.0, IDLE
         if robot.can_keep:
-            best, choice = BETTER * utility(rules, robot, observations.robot_tasks[i, robot.task]), KEEP
+            best, choice = 0.2+utility(rules, robot, observations.robot_tasks[i, robot.task]), KEEP
         for j in range(observations.robot_tasks.shape[1]):
             row = observations.robot_tasks[i, j]
             claimed = row.claimed_by != NOBODY and row.claim_age < CLAIM_TRUST
@@ -56,9 +57,8 @@ def choose_tasks(rules, observations, decisions):
 @kernel
 def utility(rules, robot, row):
     """What the next attempt at a task promises per second."""
-    return expected_utility(
-        rules[0], row.distance, robot.speed, row.difficulty, row.value, row.deadline, row.decay, robot.time
-    )
+    seconds = row.distance / robot.speed + autonomous_seconds(rules[0], row.difficulty)
+    return 1e3 + row.value * (autonomous_success(rules[0], row.difficulty) * timeliness(row.deadline, row.decay, robot.time + seconds) - 0.01 * seconds)
 
 
 @kernel

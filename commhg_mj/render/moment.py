@@ -127,7 +127,7 @@ class Timeline:
         )
 
     def _counts(self, time):
-        ended = (self.trace.message_ended <= time) & (self.trace.message_ended > time - MINUTE)
+        ended = (self.trace.message_ended <= time) & (self.trace.message_ended > max(time - MINUTE, -1))
         counts = np.zeros((len(ROUTES), len(Fate)), int)
         np.add.at(counts, (self._route[ended], self.trace.message_fate[ended]), 1)
         return counts

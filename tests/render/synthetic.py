@@ -168,7 +168,7 @@ def _talk(scenario, ticks, rng):
         "message_receiver": np.where(climbs, r + h, np.where(falls, robot, (robot + other) % r)).astype("i2"),
         "message_queued": queued.astype("f4"),
         "message_sent": sent.astype("f4"),
-        "message_ended": np.where(flies, sent + flight, queued + 24).astype("f4"),
+        "message_ended": np.where(fate == Fate.UNDERWAY, -1, np.where(flies, sent + flight, queued + 24)).astype("f4"),
         "message_fate": fate.astype("i1"),
         "message_late": flight > 1,
         "message_bytes": np.full(m, 64, "i2"),

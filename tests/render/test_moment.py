@@ -55,7 +55,7 @@ def test_serviced_tasks_know_their_robot(timeline):
 
 def test_messages_of_the_last_minute(trace, timeline):
     counts = timeline.at(40.0).counts
-    ended = trace.message_ended <= 40
+    ended = (trace.message_ended >= 0) & (trace.message_ended <= 40)
     rr = trace.message_kind == Kind.BROADCAST
     for fate in Fate:
         assert counts[0, fate] == np.sum(ended & rr & (trace.message_fate == fate))
