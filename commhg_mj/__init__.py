@@ -1,3 +1,37 @@
-"""Missions of human operators, aerial and ground robots under limited communication, in MuJoCo worlds."""
+"""Missions of human operators, aerial and ground robots under limited communication, in MuJoCo worlds.
+
+>>> missions = commhg_mj.make_vec("large", num_missions=64, seed=0)
+>>> observations = missions.observations
+>>> while not missions.over.all():
+...     observations = missions.step(policy(observations))
+>>> [score.twcr for score in missions.scores()]
+"""
+
+from .mission.batch import MissionBatch, stay
+from .mission.decide import Decisions
+from .mission.observe import Observations
+from .mission.score import Score
+from .mission.trace import Trace, load_trace, make_traces, save_trace
+from .policies import POLICIES, ensure_compiled
+from .radio import LINK_MODELS
+from .scenarios import LIMITATIONS, SCENARIOS, Scenario, load_scenario
+from .terms import IDLE, KEEP, NOBODY, REST
 
 __version__ = "0.1.0"
+
+__all__ = [
+    "IDLE", "KEEP", "LIMITATIONS", "LINK_MODELS", "NOBODY", "POLICIES", "REST", "SCENARIOS", "Decisions", "MissionBatch",
+    "Observations", "Scenario", "Score", "Trace", "load_scenario", "load_trace", "make_traces", "make_vec", "save_trace",
+    "stay",
+]  # fmt: skip
+
+
+def make_vec(scenario, num_missions=1, seed=0, links="abstract", limitation="nominal", record=False) -> MissionBatch:
+    """Missions with the seeds `seed`, `seed + 1`, …, stepped together to their next decision epochs.
+
+    Args and errors as for `MissionBatch`.
+    """
+    if isinstance(num_missions, bool) or not isinstance(num_missions, int) or num_missions < 1:
+        raise ValueError(f"num_missions must be a whole number of at least 1, is {num_missions!r}")
+    ensure_compiled(POLICIES.values())
+    return MissionBatch(scenario, range(seed, seed + num_missions), links, limitation, record)

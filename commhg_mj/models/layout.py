@@ -18,7 +18,7 @@ PART = np.dtype(
 )
 SURFACE_NODES = 33  # a mountain's surface: heights on a square grid of this many nodes a side
 MARGIN = 0.03  # of the side: obstacles' centres and POIs keep off the border
-STATION_CLEARING = 0.09  # of the side: free of obstacles around the station
+STATION_CLEARING = 0.09  # of the side: free of obstacles around the station, so that all robots fit in
 
 
 @dataclass(frozen=True)
@@ -96,8 +96,8 @@ def draw_layout(scenario: Scenario, rng: np.random.Generator) -> Layout:
         parts=np.concatenate([mountains, forests]),
         surfaces=np.array(surfaces).reshape(-1, SURFACE_NODES, SURFACE_NODES),
         station=station,
-        operators=np.round(station + _row(scenario.n_operators, 3.0, -7.0), 2),
-        starts=np.round(station + _row(scenario.n_robots, min(6.0, 0.1 * side / scenario.n_robots), 9.0), 2),
+        operators=np.round(station + _row(scenario.n_operators, 0.004 * side, -0.008 * side), 2),
+        starts=np.round(station + _row(scenario.n_robots, min(0.01, 0.16 / scenario.n_robots) * side, 0.015 * side), 2),
     )
 
 

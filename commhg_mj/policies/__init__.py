@@ -6,6 +6,7 @@ from ..mission.batch import MissionBatch
 from .greedy import Greedy
 from .omniscient import Omniscient, every_second
 from .random import Random
+from .warm import ensure_compiled
 
 
 class PolicyInfo(NamedTuple):
@@ -35,6 +36,7 @@ def find_policy(name: str) -> PolicyInfo:
 def prepare(name: str, scenario, seeds, links="abstract", limitation="nominal", record=False):
     """(batch, policy) for missions of a scenario; a privileged policy gets its idealised conditions."""
     info = find_policy(name)
+    ensure_compiled(POLICIES.values())
     if info.is_privileged:
         scenario, links = every_second(scenario), "perfect"
     batch = MissionBatch(scenario, seeds, links, limitation, record)

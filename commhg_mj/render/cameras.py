@@ -1,6 +1,7 @@
 """Cameras by name, and the projection from the world to pixels that overlays share with the picture."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import mujoco
 import numpy as np
@@ -95,7 +96,7 @@ class Projection:
         """A polyline [k, 3] as pieces [2, 2] in pixels, cut where it passes behind the camera."""
         seen = self.view(points)
         pieces = []
-        for a, b in zip(seen[:-1], seen[1:]):
+        for a, b in pairwise(seen):
             if max(a[2], b[2]) <= NEAR:
                 continue
             if min(a[2], b[2]) < NEAR:

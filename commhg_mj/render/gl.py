@@ -23,8 +23,7 @@ def make_context(width: int, height: int):
             context = _load(backend).GLContext(width, height)
             context.make_current()
             return context
-        # PyOpenGL reports a missing library by whatever happens to fail first.
-        except Exception as error:
+        except Exception as error:  # noqa: BLE001  PyOpenGL says that a library is missing by whatever fails first
             failures.append(f"{backend}: {str(error).splitlines()[0] if str(error) else type(error).__name__}")
     needs = " or ".join(f"`{packages}`" for packages in PACKAGES.values())
     raise RuntimeError(f"no OpenGL without a display ({'; '.join(failures)}): install the Debian packages {needs}")

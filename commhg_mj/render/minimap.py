@@ -1,5 +1,7 @@
 """The corner map: obstacles, tasks and robots from above, and what the camera sees of them."""
 
+from itertools import pairwise
+
 import cv2
 import numpy as np
 
@@ -17,10 +19,6 @@ class Minimap:
         self.trace, self.world, self.canvas = trace, world, canvas
         self.x, self.y, self.size, self.unit = x, y, size, unit
         self.background = _draw_ground(world.layout, size)
-
-    @property
-    def box(self):
-        return self.x, self.y, self.x + self.size, self.y + self.size
 
     def pixels(self, xy) -> np.ndarray:
         """Where points xy [..., 2] of the map fall."""
@@ -66,10 +64,8 @@ class Minimap:
         # Rays at or above the horizon meet the ground far away.
         reach = np.where(rays[:, 2] < -1e-6, projection.position[2] / np.maximum(-rays[:, 2], 1e-6), np.inf)
         ground = projection.position[:2] + np.minimum(reach, 4 * side)[:, None] * rays[:, :2]
-        outline = np.concatenate([ground, ground[:1]])
-        x0, y0, x1, y1 = self.box
-        for a, b in zip(self.pixels(outline[:-1]), self.pixels(outline[1:])):
-            inside, start, end = cv2.clipLine((x0, y0, self.size, self.size), _whole(a), _whole(b))
+        for a, b in pairwise(self.pixels([*ground, ground[0]])):
+            inside, start, end = cv2.clipLine((self.x, self.y, self.size, self.size), _whole(a), _whole(b))
             if inside:
                 self.canvas.lines([np.array([start, end], float)], ink.INK, self.unit, 0.45)
 

@@ -47,9 +47,10 @@ class Overlay:
         self.projection = projection
         marks.draw_boundary(self.canvas, projection, self.world.layout.side, self.unit)
         self._links(moment, robots)
-        self._targets(moment, robots)
+        places = self._task_places(moment)
+        self._targets(moment, robots, places)
         self._control(moment, robots)
-        at, seen, alpha = self._visible(np.concatenate([robots, self._task_places(moment)]))
+        at, seen, alpha = self._visible(np.concatenate([robots, places]))
         count = len(robots)
         self._tasks(moment, at[count:], seen[count:], alpha[count:])
         self._messages(moment, robots)
@@ -93,11 +94,11 @@ class Overlay:
             value = quality[i, -1] if j == len(robots) else mutual[i, j]
             self._line([ends[i], ends[j]], ink.link_colour(value), 1.0, 0.22 + 0.38 * value)
 
-    def _targets(self, moment, robots):
+    def _targets(self, moment, robots, places):
         """Who goes where: straight through the air, along its route on the ground."""
         for i in np.flatnonzero((moment.task >= 0) & (moment.activity == Activity.TRAVELLING)):
             if i < self.n_uav:
-                way = np.stack([robots[i], self.pins[moment.task[i]]])
+                way = np.stack([robots[i], places[moment.task[i]]])
             else:
                 way = self._ground_route(i, moment)
             self._line(way, ink.PANEL, 3.4, 0.35)

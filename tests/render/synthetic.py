@@ -4,12 +4,12 @@ import dataclasses
 
 import numpy as np
 
+from commhg_mj.mission.log import NOT_DECIDED, SAMPLE_PERIOD
 from commhg_mj.mission.trace import Trace
 from commhg_mj.models.world import make_world
 from commhg_mj.scenarios import SCENARIOS
 from commhg_mj.terms import Activity, Fate, Kind, Mode, Session, TaskType
 
-LINK_PERIOD = 5
 TRAVEL, SERVICE = Activity.TRAVELLING, Activity.SERVICING
 RELAYED = (Kind.BROADCAST, Kind.TELEMETRY, Kind.QUERY, Kind.REQUEST)
 
@@ -24,15 +24,14 @@ def make_trace(scenario="medium", seed=0, ticks=None, policy="greedy", **changes
     operators = _supervise(scenario, robots, ticks, rng)
     messages = _talk(scenario, ticks, rng)
     return Trace(
-        format=1,
         scenario=scenario,
         seed=seed,
         policy=policy,
         links="abstract",
         limitation="nominal",
-        link_period=LINK_PERIOD,
         link_quality=_link_quality(scenario, world, robots["robot_xy"]),
         reward=np.zeros((ticks, 2)),
+        records={},
         **tasks,
         **robots,
         **operators,
@@ -69,6 +68,10 @@ def _fly(scenario, world, tasks, ticks, rng):
         "robot_task": np.full((ticks + 1, r), -1, "i2"),
         "robot_controller": np.full((ticks + 1, r), -1, "i1"),
         "robot_progress": np.zeros((ticks + 1, r), "f4"),
+        "robot_choice": np.full((ticks + 1, r), NOT_DECIDED, "i2"),
+        "robot_broadcast": np.zeros((ticks + 1, r), "i1"),
+        "robot_query": np.full((ticks + 1, r), -1, "i1"),
+        "robot_request": np.zeros((ticks + 1, r), "i1"),
         "robot_tokens": rng.uniform(0, 192, (ticks + 1, r)).astype("f4"),
     }
     owned = np.zeros(scenario.n_tasks, bool)
@@ -132,7 +135,7 @@ def _supervise(scenario, robots, ticks, rng):
     """Operators take robots in turn, a minute each, with a bid and a handover before and a rest after."""
     h, r = scenario.n_operators, scenario.n_robots
     session = np.zeros((ticks + 1, h), "i1")
-    robot = np.full((ticks + 1, h), -1, "i1")
+    robot = np.full((ticks + 1, h), -1, "i2")
     fatigue = np.zeros((ticks + 1, h), "f4")
     for tick in range(ticks + 1):
         for i in range(h):
@@ -146,7 +149,9 @@ def _supervise(scenario, robots, ticks, rng):
             drift = 0.002 if session[tick, i] == Session.HELD else -0.003
             fatigue[tick, i] = np.clip(fatigue[max(0, tick - 1), i] + drift, 0, 1)
     log = {"operator_fatigue": fatigue, "operator_session": session, "operator_robot": robot}
-    return log | {"operator_tokens": rng.uniform(0, 192, (ticks + 1, h)).astype("f4")}
+    log["operator_tokens"] = rng.uniform(0, 192, (ticks + 1, h)).astype("f4")
+    log["operator_choice"] = np.full((ticks + 1, h), NOT_DECIDED, "i2")
+    return log
 
 
 def _talk(scenario, ticks, rng):
@@ -176,7 +181,7 @@ def _talk(scenario, ticks, rng):
 
 
 def _link_quality(scenario, world, xy):
-    radios = xy[::LINK_PERIOD]
+    radios = xy[::SAMPLE_PERIOD]
     station = np.broadcast_to(world.layout.station.astype("f4"), (len(radios), 1, 2))
     ends = np.concatenate([radios, station], axis=1)
     distance = np.linalg.norm(radios[:, :, None] - ends[:, None], axis=-1) / scenario.map_side

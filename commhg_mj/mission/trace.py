@@ -1,0 +1,234 @@
+"""Traces: one compressed npz a mission, complete enough that rendering and re-scoring simulate nothing.
+
+Loading executes no code (numpy without pickle). A trace carries a format version; a damaged or foreign
+file is refused by name.
+"""
+
+import dataclasses
+import os
+import tempfile
+import zipfile
+import zlib
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..scenarios import Scenario, from_json, to_json
+from ..terms import Kind
+from .batch import MissionBatch
+from .log import SAMPLE_PERIOD
+from .score import twcr
+
+FORMAT = 1
+MAGIC = "commhg_mj trace"
+TABLES = ("belief", "peer", "resource")  # records sampled every `link_period` s, columns as in mission/state.py
+TASK_FIELDS = {  # column of the trace: field of the simulator's state
+    "type": "announced", "changed_to": "type", "changed_at": "changed_at", "difficulty": "difficulty", "value": "value",
+    "deadline": "deadline", "decay": "decay", "release": "release", "done": "done_at", "done_by": "done_by",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Trace:
+    """One mission, second by second: N ticks, R robots (UAVs first), H operators, T tasks, M messages.
+
+    Times are seconds since the start, -1 for never; indices are -1 for none. Addresses of messages:
+    0..R-1 robots, then H operators, then the station's shared table, -1 nobody.
+    """
+
+    scenario: Scenario
+    seed: int
+    policy: str
+    links: str
+    limitation: str
+    robot_xy: np.ndarray  # f4 [N + 1, R, 2] m
+    robot_activity: np.ndarray  # i1 [N + 1, R] Activity
+    robot_mode: np.ndarray  # i1 [N + 1, R] Mode
+    robot_task: np.ndarray  # i2 [N + 1, R]
+    robot_controller: np.ndarray  # i1 [N + 1, R]
+    robot_progress: np.ndarray  # f4 [N + 1, R] of its own task
+    robot_tokens: np.ndarray  # f4 [N + 1, R] B
+    robot_choice: np.ndarray  # i2 [N + 1, R] task chosen in that second, KEEP, IDLE or NOT_DECIDED
+    robot_broadcast: np.ndarray  # i1 [N + 1, R]
+    robot_query: np.ndarray  # i1 [N + 1, R] operator asked
+    robot_request: np.ndarray  # i1 [N + 1, R]
+    operator_fatigue: np.ndarray  # f4 [N + 1, H]
+    operator_session: np.ndarray  # i1 [N + 1, H] Session
+    operator_robot: np.ndarray  # i2 [N + 1, H]
+    operator_tokens: np.ndarray  # f4 [N + 1, H] B
+    operator_choice: np.ndarray  # i2 [N + 1, H] robot chosen, KEEP, REST or NOT_DECIDED
+    task_xy: np.ndarray  # f8 [T, 2] m
+    task_type: np.ndarray  # i2 [T] TaskType as announced
+    task_changed_to: np.ndarray  # i2 [T] TaskType at the end
+    task_changed_at: np.ndarray  # f8 [T] the hidden change
+    task_difficulty: np.ndarray  # f8 [T]
+    task_value: np.ndarray  # f8 [T]
+    task_deadline: np.ndarray  # f8 [T] s
+    task_decay: np.ndarray  # f8 [T] s
+    task_release: np.ndarray  # f8 [T] s
+    task_done: np.ndarray  # f8 [T] s
+    task_done_by: np.ndarray  # i2 [T]
+    message_kind: np.ndarray  # i1 [M] Kind; messages in the order in which they were queued
+    message_sender: np.ndarray  # i2 [M]
+    message_receiver: np.ndarray  # i2 [M]
+    message_queued: np.ndarray  # i4 [M] s
+    message_sent: np.ndarray  # i4 [M] s it left the antenna
+    message_ended: np.ndarray  # i4 [M] s it met its fate
+    message_fate: np.ndarray  # i1 [M] Fate
+    message_late: np.ndarray  # i1 [M] delayed
+    message_bytes: np.ndarray  # i4 [M]
+    link_quality: np.ndarray  # u1 [samples, R, R + 1] percent that would be delivered; last column: station
+    reward: np.ndarray  # f8 [N, 2] mission part, coordination part
+    records: dict  # "belief_time": [samples, R + 1, T], …: what every receiver held; row R is the station
+
+    @property
+    def format(self) -> int:
+        return FORMAT
+
+    @property
+    def ticks(self) -> int:
+        """Seconds flown."""
+        return len(self.reward)
+
+    @property
+    def link_period(self) -> int:
+        """Seconds between samples of links and records."""
+        return SAMPLE_PERIOD
+
+    def twcr_until(self, t: float) -> float:
+        """The Timely Weighted Completion Ratio (paper, eq. 5) of what was completed by second t."""
+        done = np.where(self.task_done <= t, self.task_done, -1.0)
+        return twcr(self.task_value, self.task_deadline, self.task_decay, done)
+
+    def twcr(self) -> float:
+        """The mission's Timely Weighted Completion Ratio."""
+        return self.twcr_until(np.inf)
+
+
+ARRAYS = [field.name for field in dataclasses.fields(Trace) if field.type is np.ndarray]
+
+
+def make_traces(batch: MissionBatch, policy: str) -> list[Trace]:
+    """The traces of a recorded batch.
+
+    Raises:
+      ValueError: the batch was made without `record=True`.
+    """
+    if not batch.record:
+        raise ValueError("record: the batch keeps no log; make it with record=True")
+    return [_make_trace(batch, policy, e) for e in range(len(batch.seeds))]
+
+
+def _make_trace(batch, policy, e) -> Trace:
+    scenario, log, state = batch.scenario, batch.log, batch.state
+    rows = int(state.missions["now"][e]) + 1
+    robots, operators, tasks = log.robots[e, :rows], log.operators[e, :rows], state.tasks[e]
+    messages = log.messages[e, : state.missions["messages"][e]]
+    samples = (rows - 1) // SAMPLE_PERIOD + 1
+    sizes = np.array([getattr(scenario.communication, f"{kind.name.lower()}_bytes") for kind in Kind], np.int32)
+    rewards = log.rewards[e, : rows - 1]
+    columns = {f"robot_{name}": robots[name] for name in robots.dtype.names if name not in "xy"}
+    columns |= {f"operator_{name}": operators[name] for name in operators.dtype.names}
+    columns |= {f"task_{name}": tasks[field] for name, field in TASK_FIELDS.items()}
+    columns |= {f"message_{name}": messages[name] for name in messages.dtype.names}
+    arrays = {name: np.ascontiguousarray(column) for name, column in columns.items()}
+    tables = {name: getattr(log, f"{name}s")[e, :samples] for name in TABLES}
+    return Trace(
+        scenario=scenario,
+        seed=batch.seeds[e],
+        policy=policy,
+        links=batch.links,
+        limitation=batch.limitation,
+        robot_xy=np.stack([robots["x"], robots["y"]], axis=-1),
+        task_xy=np.stack([tasks["x"], tasks["y"]], axis=-1),
+        message_bytes=sizes[messages["kind"]],
+        link_quality=np.ascontiguousarray(log.links[e, :samples]["percent"]),
+        reward=np.stack([rewards["mission"], rewards["coordination"]], axis=-1),
+        records={f"{t}_{c}": np.ascontiguousarray(table[c]) for t, table in tables.items() for c in table.dtype.names},
+        **{name: _narrow(name, array) for name, array in arrays.items()},
+    )
+
+
+def _narrow(name, array):
+    """The state's integers are 8 bytes wide; two are enough for a file."""
+    if name.startswith("task_"):
+        return array if array.dtype.kind == "f" else array.astype(np.int16)
+    return array
+
+
+def save_trace(trace: Trace, path) -> None:
+    """Write a trace atomically.
+
+    Raises:
+      ValueError: the folder cannot be written.
+    """
+    path = Path(path)
+    head = {name: getattr(trace, name) for name in ("seed", "policy", "links", "limitation")}
+    head |= {"magic": MAGIC, "format": FORMAT, "scenario": to_json(trace.scenario)}
+    arrays = {name: getattr(trace, name) for name in ARRAYS}
+    arrays |= {f"record_{name}": column for name, column in trace.records.items()}
+    try:
+        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    except OSError as error:
+        raise ValueError(f"cannot write {path}: {error.strerror}") from None
+    try:
+        with os.fdopen(handle, "wb") as file:
+            np.savez_compressed(file, **head, **arrays)
+        os.replace(temporary, path)
+    except BaseException as error:
+        Path(temporary).unlink(missing_ok=True)
+        if isinstance(error, OSError):
+            raise ValueError(f"cannot write {path}: {error.strerror}") from None
+        raise
+
+
+def load_trace(path) -> Trace:
+    """Read a trace.
+
+    Raises:
+      ValueError: no such file, damaged, not a trace, or of another format; the message names the file.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            found = {name: file[name] for name in file.files}
+    except OSError as error:
+        raise ValueError(f"cannot read trace {path}: {error.strerror or error}") from None
+    except (ValueError, EOFError, AttributeError, zipfile.BadZipFile, zlib.error) as error:
+        raise ValueError(f"{path} is damaged or not a trace: {error}") from None
+    if str(found.get("magic")) != MAGIC:
+        raise ValueError(f"{path} is not a commhg_mj trace")
+    if str(found.get("format")) != str(FORMAT):
+        raise ValueError(f"{path} is a trace of format {found.get('format')}; this version reads format {FORMAT}")
+    try:
+        return _check_shapes(
+            Trace(
+                scenario=from_json(str(found["scenario"])),
+                seed=int(found["seed"]),
+                **{name: str(found[name]) for name in ("policy", "links", "limitation")},
+                **{name: found[name] for name in ARRAYS},
+                records={name.removeprefix("record_"): found[name] for name in found if name.startswith("record_")},
+            )
+        )
+    except KeyError as error:
+        raise ValueError(f"{path} is damaged: {error} is missing") from None
+    except ValueError as error:
+        raise ValueError(f"{path} is damaged: {error}") from None
+
+
+def _check_shapes(trace) -> Trace:
+    """The trace, if its arrays fit its scenario and each other."""
+    rows, team = trace.ticks + 1, trace.scenario
+    leading = {
+        "robot": (rows, team.n_robots),
+        "operator": (rows, team.n_operators),
+        "task": (team.n_tasks,),
+        "message": (len(trace.message_kind),),
+        "link": ((rows - 1) // SAMPLE_PERIOD + 1, team.n_robots, team.n_robots + 1),
+        "reward": (rows - 1, 2),
+    }
+    for name in ARRAYS:
+        wanted, shape = leading[name.split("_")[0]], getattr(trace, name).shape
+        if shape[: len(wanted)] != wanted:
+            raise ValueError(f"{name} has shape {shape}, which does not fit the scenario")
+    return trace
