@@ -178,7 +178,7 @@ class MissionBatch:
 
 def stay(observations: Observations) -> Decisions:
     """Nobody changes anything and nobody speaks: a start for decisions of one's own."""
-    n, k = len(observations.robots), len(observations.operators)
+    n = len(observations.robots)
     return Decisions(
         task=np.where(observations.robots["can_keep"], KEEP, IDLE).astype(np.int32),
         broadcast=np.zeros(n, bool),

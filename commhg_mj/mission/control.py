@@ -3,6 +3,7 @@
 from ..kernels import kernel
 from ..terms import NOBODY, Activity, Kind, Mode, Session
 from .access import downlink_of, operator_of, robot_of, task_of, uplink_of
+from .records import stop_ageing
 from .state import NEVER
 from .transport import displace, enqueue
 
@@ -119,6 +120,7 @@ def break_robot(m, r, now):
         end_session(m, robot.controller)
     for place in range(m.n_uplink_places):
         displace(m, uplink_of(m, r, place), now)
+    stop_ageing(m, r)
     robot.activity = FAILED
     robot.failed_at = now
     robot.due = 0

@@ -8,8 +8,20 @@ from ..kernels import kernel
 from ..terms import NOBODY
 from . import state as s
 from .access import (
-    belief_of, belief_row, link_row, message_row, operator_of, operator_row, peer_of, peer_row, resource_of, resource_row,
-    reward_row, robot_of, robot_row, task_of,
+    belief_of,
+    belief_row,
+    link_row,
+    message_row,
+    operator_of,
+    operator_row,
+    peer_of,
+    peer_row,
+    resource_of,
+    resource_row,
+    reward_row,
+    robot_of,
+    robot_row,
+    task_of,
 )  # fmt: skip
 from .links import link_between, link_to_station
 

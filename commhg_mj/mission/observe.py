@@ -12,7 +12,15 @@ from ..kernels import kernel
 from ..models.routes import MAX_VISIBLE, distance, measure_goals
 from ..terms import NOBODY, Activity, Embodiment, Kind, Mode, Session
 from .access import (
-    belief_of, operator_of, peer_of, resource_of, robot_of, routes_of, scratch_of, task_of, uplink_of,
+    belief_of,
+    operator_of,
+    peer_of,
+    resource_of,
+    robot_of,
+    routes_of,
+    scratch_of,
+    task_of,
+    uplink_of,
 )  # fmt: skip
 from .records import DONE, believed_type, is_compatible, is_ruled_out
 from .state import record

@@ -73,20 +73,28 @@ def learn_peer(m, receiver, r, record):
     held = peer_of(m, receiver, r)
     if record.time <= held.time:
         return False
-    inbox = inbox_of(m, receiver)
-    if held.time < 0.0:
-        inbox.known += 1
-        inbox.time_sum += record.time
-    else:
-        inbox.time_sum += record.time - held.time
+    if robot_of(m, r).failed_at == NEVER:
+        inbox = inbox_of(m, receiver)
+        inbox.known += held.time < 0.0
+        inbox.time_sum += record.time - max(0.0, held.time)
     news = held.task != record.task or held.activity != record.activity or held.mode != record.mode
     copy_record(held, record)
     return news
 
 
 @kernel
+def stop_ageing(m, r):
+    """A robot that failed reports no more: its records leave the age of information."""
+    for receiver in range(m.n_robots + 1):
+        held = peer_of(m, receiver, r)
+        if held.time >= 0.0:
+            inbox_of(m, receiver).known -= 1
+            inbox_of(m, receiver).time_sum -= held.time
+
+
+@kernel
 def age_records(m, now):
-    """Add this second's ages of the robot records at every living receiver (age of information)."""
+    """Add this second's ages of living robots' records at every living receiver (age of information)."""
     n_robots = m.n_robots
     for receiver in range(n_robots + 1):
         if receiver == n_robots or robot_of(m, receiver).failed_at == NEVER:

@@ -4,7 +4,15 @@ from ..kernels import kernel
 from ..radio.links import PERFECT
 from ..terms import Activity, Kind, Mode, Status
 from .access import (
-    copy_record, downlink_of, flying_of, message_at, operator_of, peer_of, resource_of, robot_of, task_of,
+    copy_record,
+    downlink_of,
+    flying_of,
+    message_at,
+    operator_of,
+    peer_of,
+    resource_of,
+    robot_of,
+    task_of,
 )  # fmt: skip
 from .control import advance_sessions, break_robot, receive_command, tire
 from .log import log_tick

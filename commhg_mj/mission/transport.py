@@ -7,7 +7,18 @@ h is address R + h, the station's shared table R + H.
 from ..kernels import kernel
 from ..terms import NOBODY, Activity, Fate, Kind
 from .access import (
-    belief_of, copy_record, counters_of, downlink_of, flying_of, message_at, operator_of, peer_of, robot_of, scratch_of, task_of, tip_of,
+    belief_of,
+    copy_record,
+    counters_of,
+    downlink_of,
+    flying_of,
+    message_at,
+    operator_of,
+    peer_of,
+    robot_of,
+    scratch_of,
+    task_of,
+    tip_of,
     uplink_of,
 )  # fmt: skip
 from .links import link_between, link_to_station

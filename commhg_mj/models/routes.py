@@ -68,7 +68,8 @@ def mark_clear(frames, x, y, dx, dy, count, clearance):
     for i in range(frames.shape[0]):
         ux, uy = x - frames[i, 0], y - frames[i, 1]
         px, py = np.float32(frames[i, 2] * ux + frames[i, 3] * uy), np.float32(frames[i, 4] * ux + frames[i, 5] * uy)
-        m00, m01, m10, m11 = np.float32(frames[i, 2]), np.float32(frames[i, 3]), np.float32(frames[i, 4]), np.float32(frames[i, 5])
+        m00, m01 = np.float32(frames[i, 2]), np.float32(frames[i, 3])
+        m10, m11 = np.float32(frames[i, 4]), np.float32(frames[i, 5])
         # Branchless, so that the compiler works on eight legs at once.
         for k in range(count):
             wx, wy = m00 * dx[k] + m01 * dy[k], m10 * dx[k] + m11 * dy[k]

@@ -1,6 +1,7 @@
 """Reference policies: `policy(observations) -> decisions`, made for one batch of missions."""
 
-from typing import Callable, NamedTuple
+from collections.abc import Callable
+from typing import NamedTuple
 
 from ..mission.batch import MissionBatch
 from .greedy import Greedy

@@ -1,11 +1,12 @@
 """Greedy: the best immediate estimated utility out of local records, fixed communication (paper, IV-B)."""
 
+import numpy as np
+
 from ..kernels import kernel
 from ..mission.batch import MissionBatch, stay
 from ..mission.decide import Decisions
-from ..mission.estimate import control_gain, expected_utility
+from ..mission.estimate import control_gain, expected_reward
 from ..mission.observe import Observations
-from ..mission.service import autonomous_seconds, autonomous_success, timeliness
 from ..terms import IDLE, KEEP, NOBODY, REST, Activity, Session, Status
 from .schedule import follow_schedule
 
@@ -14,7 +15,7 @@ SERVICING, RESTING, HELD = int(Activity.SERVICING), int(Session.REST), int(Sessi
 SERVICED = int(Status.SERVICED)
 CLAIM_TRUST = 60.0  # s: a peer's claim or a report of service older than this is forgotten
 REPORT_TRUST = 30.0  # s: likewise for a robot's report at the station
-BETTER = 1.3  # a robot on its way turns only for a task this many times as good
+BETTER = 0.2  # task value: a robot on its way turns only for a task that promises this much more
 REQUESTED = 1.5  # an operator values a robot that asked for help this many times
 TIRED = 0.75  # an operator at or above this fatigue rests
 
@@ -40,9 +41,9 @@ def choose_tasks(rules, observations, decisions):
         robot = observations.robots[i]
         if robot.activity == SERVICING and robot.can_keep or not robot.can_idle:
             continue
-        best, choice = 0.0, IDLE
+        best, choice = -np.inf, IDLE
         if robot.can_keep:
-            best, choice = 0.2+utility(rules, robot, observations.robot_tasks[i, robot.task]), KEEP
+            best, choice = BETTER + utility(rules, robot, observations.robot_tasks[i, robot.task]), KEEP
         for j in range(observations.robot_tasks.shape[1]):
             row = observations.robot_tasks[i, j]
             claimed = row.claimed_by != NOBODY and row.claim_age < CLAIM_TRUST
@@ -56,9 +57,10 @@ def choose_tasks(rules, observations, decisions):
 
 @kernel
 def utility(rules, robot, row):
-    """What the next attempt at a task promises per second."""
-    seconds = row.distance / robot.speed + autonomous_seconds(rules[0], row.difficulty)
-    return 1e3 + row.value * (autonomous_success(rules[0], row.difficulty) * timeliness(row.deadline, row.decay, robot.time + seconds) - 0.01 * seconds)
+    """The reward that the next attempt at a task promises by itself, whatever comes after it."""
+    return expected_reward(
+        rules[0], row.distance, robot.speed, row.difficulty, row.value, row.deadline, row.decay, robot.time
+    )
 
 
 @kernel

@@ -17,10 +17,14 @@ from ..mission.estimate import control_gain
 from ..mission.observe import Observations
 from ..mission.records import DONE, is_compatible
 from ..mission.service import (
-    autonomous_seconds, autonomous_success, controlled_seconds, controlled_success, timeliness,
+    autonomous_seconds,
+    autonomous_success,
+    controlled_seconds,
+    controlled_success,
+    timeliness,
 )  # fmt: skip
 from ..models.routes import MAX_VISIBLE, distance, measure_goals
-from ..terms import IDLE, KEEP, NOBODY, REST, Activity, Embodiment, Mode, Session
+from ..terms import IDLE, NOBODY, REST, Activity, Embodiment, Mode, Session
 
 UGV, CONTROLLED = int(Embodiment.UGV), int(Mode.CONTROLLED)
 FAILED, SERVICING, IDLING = int(Activity.FAILED), int(Activity.SERVICING), int(Activity.IDLE)

@@ -49,7 +49,7 @@ def place_camera(name: str, world, moment, heights, aspect: float) -> tuple[mujo
         return _free((middle, 0.49 * side, 0.0), 2.85 * max(1.0, 1.05 / aspect) * side, 90.0, -90.0), 24.0
     if kind == "station":
         scale = station_scale(world)
-        return _free((*world.layout.station + [0.0, 4.0 * scale], 8.0 * scale), 36.0 * scale, 76.0, -13.0), 50.0
+        return _free((*world.layout.station + [0.0, 4.0 * scale], 6.5 * scale), 39.0 * scale, 76.0, -13.0), 50.0
     i = world.scenario.robot_names.index(robot)
     return _free((*moment.xy[i], heights[i]), 11.0 * display_scale(side), np.degrees(moment.course[i]), -20.0), 45.0
 

@@ -1,9 +1,9 @@
 """Flying many missions with one policy, in one process or several; results do not depend on which."""
 
+from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Callable
 
 from ..mission.score import Score
 from ..mission.trace import make_traces, save_trace

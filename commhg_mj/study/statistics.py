@@ -12,7 +12,9 @@ class Interval(NamedTuple):
     high: float
 
     def __str__(self):
-        return f"{self.mean:.3f}" if np.isnan(self.low) else f"{self.mean:.3f} [{self.low:.3f}, {self.high:.3f}]"
+        digits = 3 if abs(self.mean) < 100 else 0
+        mean, low, high = (f"{value:,.{digits}f}" for value in self)
+        return mean if np.isnan(self.low) else f"{mean} [{low}, {high}]"
 
 
 def mean_interval(values) -> Interval:

@@ -43,16 +43,16 @@ def summary_table(title: str, scores: list[Score]) -> Group:
 
 
 def message_table(scores: list[Score]) -> Table:
-    """Mean counts a mission: one row a message kind, one column a fate."""
-    columns = ["attempted", "sent", "bytes", *(fate.name.lower() for fate in FATES), "late", "mean_latency"]
+    """Mean counts a mission: one column a message kind."""
+    kinds = [kind.name.lower() for kind in Kind]
     table = Table(title="messages a mission, by kind", title_justify="left")
-    table.add_column("kind")
-    for column in columns:
-        table.add_column(column.replace("_", " "), justify="right")
-    for kind in Kind:
-        counts = [score.messages[kind.name.lower()] for score in scores]
-        means = [np.mean([count[column] for count in counts]) for column in columns]
-        table.add_row(kind.name.lower(), *(f"{mean:.1f}" for mean in means))
+    table.add_column("mean")
+    for kind in kinds:
+        table.add_column(kind, justify="right")
+    for count in ("attempted", "sent", "bytes", *(fate.name.lower() for fate in FATES), "late", "mean_latency"):
+        means = (np.mean([score.messages[kind][count] for score in scores]) for kind in kinds)
+        label = "latency (s)" if count == "mean_latency" else count.replace("_", " ")
+        table.add_row(label, *(f"{mean:,.1f}" for mean in means))
     return table
 
 

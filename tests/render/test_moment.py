@@ -43,6 +43,7 @@ def test_score_by_hand(trace, timeline, time):
         left = trace.task_value[task] * np.exp(-late / trace.task_decay[task]) / trace.task_value.sum()
         gained += left * done
         lost += (trace.task_value[task] / trace.task_value.sum() - left) * (trace.task_release[task] <= time)
+    assert moment.gained == pytest.approx(trace.twcr_until(time), abs=1e-5)
     assert moment.gained == pytest.approx(gained, abs=1e-5) and moment.lost == pytest.approx(lost, abs=1e-5)
 
 

@@ -1,0 +1,30 @@
+# make demo: a fresh Debian/Ubuntu machine to renders/demo.mp4.  make test: the same machine to passed tests.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+
+.PHONY: demo test gl clean
+
+demo: $(VENV)/.installed gl
+	$(BIN)/commhg-mj run --scenario medium --policy greedy --seed 7 --out renders/.demo
+	$(BIN)/commhg-mj render renders/.demo/medium-greedy-7.npz --out renders/demo.mp4 --speed 40
+	@echo "watch renders/demo.mp4"
+
+test: $(VENV)/.tested gl
+	$(BIN)/python -m pytest -n 2 -q
+
+gl:
+	@sh scripts/ensure_gl.sh
+
+$(VENV)/.installed: pyproject.toml
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install -q --upgrade pip
+	$(BIN)/python -m pip install -q -e .
+	touch $@
+
+$(VENV)/.tested: $(VENV)/.installed
+	$(BIN)/python -m pip install -q -e '.[test]'
+	touch $@
+
+clean:
+	rm -rf $(VENV)

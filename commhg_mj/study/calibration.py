@@ -1,0 +1,79 @@
+"""The calibration rules of the mission's defaults (design: benchmark.md), measured and judged."""
+
+import dataclasses
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from rich.table import Table
+
+from ..scenarios import SCENARIOS
+from .fly import fly
+from .statistics import Interval, mean_interval
+
+FIRST_SEED = 10_000  # calibration missions; training and evaluation use others
+
+
+class Rule(NamedTuple):
+    text: str
+    measured: Interval
+    holds: bool
+
+
+class Calibration(NamedTuple):
+    """One scenario's figures and what they say."""
+
+    scenario: str
+    twcr: dict[str, Interval]
+    rules: list[Rule]
+
+
+def calibrate(name: str, n_missions=200, workers=1, advance: Callable[[int], None] = lambda missions: None) -> Calibration:
+    """Fly the references of one scenario and hold its defaults against the rules; differences are paired."""
+    scenario, seeds = SCENARIOS[name], range(FIRST_SEED, FIRST_SEED + n_missions)
+    alone = dataclasses.replace(scenario, n_operators=0)
+    flights = {
+        "random": (scenario, "random", "nominal"),
+        "greedy": (scenario, "greedy", "nominal"),
+        "greedy, low": (scenario, "greedy", "low"),
+        "greedy, high": (scenario, "greedy", "high"),
+        "greedy, no operators": (alone, "greedy", "nominal"),
+        "omniscient": (scenario, "omniscient", "nominal"),
+        "omniscient, no operators": (alone, "omniscient", "nominal"),
+    }
+    twcr = {}
+    for label, (variant, policy, limitation) in flights.items():
+        scores = fly(variant, policy, seeds, limitation=limitation, workers=workers, advance=advance)
+        twcr[label] = np.array([score.twcr for score in scores])
+    greedy, reference = twcr["greedy"], twcr["omniscient"]
+    gap = mean_interval(reference - greedy)
+    supervision = mean_interval(reference - twcr["omniscient, no operators"])
+    limitation = mean_interval(greedy - twcr["greedy, high"])
+    level = mean_interval(greedy)
+    rules = [
+        Rule("Greedy's mean TWCR lies in 0.45-0.70", level, 0.45 <= level.mean <= 0.70),
+        Rule("the omniscient reference is at least 0.15 above Greedy", gap, gap.mean >= 0.15),
+        Rule("without operators the reference loses at least 0.05", supervision, supervision.mean >= 0.05),
+        Rule("from nominal to high limitation Greedy loses at least 0.03", limitation, limitation.mean >= 0.03),
+    ]
+    return Calibration(name, {label: mean_interval(values) for label, values in twcr.items()}, rules)
+
+
+N_FLIGHTS = 7  # sets of missions that one calibration flies
+
+
+def calibration_tables(results: list[Calibration], n_missions: int) -> list[Table]:
+    """TWCR of every reference, and the rules with what was measured."""
+    figures = Table(title=f"mean TWCR, {n_missions} missions [95 % interval]", title_justify="left")
+    rules = Table(title="rules", title_justify="left")
+    figures.add_column("flight")
+    rules.add_column("rule")
+    for result in results:
+        figures.add_column(result.scenario)
+        rules.add_column(result.scenario)
+    for label in results[0].twcr:
+        figures.add_row(label, *(str(result.twcr[label]) for result in results))
+    for i, rule in enumerate(results[0].rules):
+        verdicts = (result.rules[i] for result in results)
+        rules.add_row(rule.text, *(f"{'holds' if v.holds else 'BROKEN'}: {v.measured}" for v in verdicts))
+    return [figures, rules]
