@@ -221,7 +221,7 @@ def _check_value(name, value, field):
         if not whole and (isinstance(kind, int) or not isinstance(item, float)):
             raise ValueError(f"{name} must be {'a whole number' if isinstance(kind, int) else 'a number'}, is {item!r}")
         low, high = field.metadata["low"], field.metadata["high"]
-        if not math.isfinite(item) or not low <= item <= high:
+        if not low <= item <= high:
             raise ValueError(f"{name} must lie in {low:g}..{high:g}, is {item!r}")
 
 

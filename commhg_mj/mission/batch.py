@@ -19,6 +19,8 @@ from .score import Score, score_missions
 from .state import State, ground_of, new_state, wire, write_rules
 from .tick import advance
 
+LOWEST, HIGHEST = np.iinfo(np.int32).min, np.iinfo(np.int32).max
+
 
 @kernel
 def advance_all(missions, due):
@@ -139,6 +141,8 @@ class MissionBatch:
                 raise ValueError(f"decisions.{name} must have shape ({length},), has {values.shape}")
             if not np.can_cast(values.dtype, dtype, "same_kind"):
                 raise ValueError(f"decisions.{name} must be of type {np.dtype(dtype).name}, is {values.dtype}")
+            if values.dtype.kind in "iu" and not np.all((values >= LOWEST) & (values <= HIGHEST)):
+                raise ValueError(f"decisions.{name} holds a number out of range")
             arrays.append(np.ascontiguousarray(values, dtype))
         checked = Decisions(*arrays)
         row, rule = find_illegal(self.observations, checked)

@@ -139,6 +139,7 @@ def supervise(m, h, choice):
     """Operator h keeps, rests or bids for a robot."""
     operator, now = operator_of(m, h), m.now
     if choice == KEEP:
+        operator.exempt = 0
         renew(m, h, now)
     elif choice == REST:
         if operator.session != RESTING:

@@ -199,7 +199,8 @@ def observe_operator(m, h, seen, rows):
     seen.proficiency[0], seen.proficiency[1] = operator.proficiency[0], operator.proficiency[1]
     seen.capacity, seen.fatigue, seen.tokens = operator.capacity, operator.fatigue, operator.tokens
     seen.session, seen.robot, seen.exempt = operator.session, operator.robot, operator.exempt
-    seen.lease_left = robot_of(m, operator.robot).lease_until - now if operator.session == HELD else 0.0
+    # Whether its last renewal arrived, the operator cannot know.
+    seen.lease_left = operator.renewed_at + m.rules.lease - now if operator.session == HELD else 0.0
     seen.since_bid = age(now, operator.bid_at) if operator.session != RESTING else UNKNOWN
     seen.can_keep = operator.session != RESTING
     for r in range(m.n_robots):

@@ -176,9 +176,10 @@ def serve_uplink(m, r, now):
     """Robot r sends what its tokens permit: query, request, then telemetry."""
     robot, rules = robot_of(m, r), m.rules
     robot.tokens = min(rules.bucket, robot.tokens + rules.refill)
-    for place in range(3):
+    for place in range(m.n_uplink_places):
+        expire(m, uplink_of(m, r, place), now)
+    for place in range(m.n_uplink_places):
         waiting = uplink_of(m, r, place)
-        expire(m, waiting, now)
         if waiting.since < 0.0:
             continue
         kind = waiting.kind
@@ -242,8 +243,12 @@ def send_downlink(m, h, waiting, now):
     operator.tokens -= rules.message_bytes[kind]
     waiting.since = NEVER
     slot = transmit(m, kind, m.n_robots + h, r, link_to_station(m, r), waiting.log, now)
-    if slot != NOBODY and kind == REPLY:
-        write_reply(m, message_at(m, slot), h, r, now)
+    if kind == REPLY:
+        tip = choose_tip(m, r)
+        if slot != NOBODY:
+            write_reply(m, message_at(m, slot), h, tip, now)
+        if tip != NOBODY:
+            tip_of(m, r, tip).time = belief_of(m, m.n_robots, tip).time
 
 
 @kernel
@@ -268,8 +273,8 @@ def leave_waiting(m, waiting, now):
 
 
 @kernel
-def write_reply(m, message, h, r, now):
-    """Operator h's resources, and one tip for robot r out of the station's evidence."""
+def write_reply(m, message, h, tip, now):
+    """Operator h's resources, and the station's record of task `tip`, if any."""
     operator, report = operator_of(m, h), message.resource
     report.time = now
     report.tokens = operator.tokens
@@ -280,12 +285,10 @@ def write_reply(m, message, h, r, now):
     for place in range(m.n_downlink_places):
         waiting += downlink_of(m, h, place).since >= 0.0
     report.queue = waiting
-    j = choose_tip(m, r)
-    if j != NOBODY:
+    if tip != NOBODY:
         message.records = 1
-        message.task[0] = j
-        message.belief[0] = belief_of(m, m.n_robots, j)
-        tip_of(m, r, j).time = message.belief[0].time
+        message.task[0] = tip
+        message.belief[0] = belief_of(m, m.n_robots, tip)
 
 
 @kernel

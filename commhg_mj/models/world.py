@@ -41,7 +41,8 @@ def make_world(scenario: Scenario, seed: int) -> World:
     rng = np.random.default_rng([seed, STREAM])
     layout = draw_layout(scenario, rng)
     roadmap = Roadmap(layout.parts, scenario.world.ugv_radius, layout.side, layout.starts.mean(axis=0))
-    poi_types = rng.choice(3, size=scenario.n_tasks, p=scenario.tasks.type_shares).astype(np.int8)
+    shares = np.array(scenario.tasks.type_shares)
+    poi_types = rng.choice(3, size=scenario.n_tasks, p=shares / shares.sum()).astype(np.int8)
     pois = _draw_pois(scenario, layout, roadmap, poi_types, rng)
     return World(scenario, seed, layout, pois, poi_types, roadmap.routes_to(pois, poi_types != TaskType.UAV_ONLY))
 

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from ..mission.batch import MissionBatch
+from ..scenarios import load_scenario
 from .greedy import Greedy
 from .omniscient import Omniscient, every_second
 from .random import Random
@@ -36,7 +37,7 @@ def find_policy(name: str) -> PolicyInfo:
 
 def prepare(name: str, scenario, seeds, links="abstract", limitation="nominal", record=False):
     """(batch, policy) for missions of a scenario; a privileged policy gets its idealised conditions."""
-    info = find_policy(name)
+    info, scenario = find_policy(name), load_scenario(scenario)
     ensure_compiled(POLICIES.values())
     if info.is_privileged:
         scenario, links = every_second(scenario), "perfect"

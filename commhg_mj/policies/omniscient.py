@@ -38,15 +38,16 @@ class Omniscient:
     """Callable policy; reads `batch.state`. Its batch needs `links="perfect"` and `every_second(scenario)`."""
 
     def __init__(self, batch: MissionBatch):
-        self.missions = batch.state.missions
+        self.batch = batch
         self.tasks = np.zeros((len(batch.seeds), batch.scenario.n_robots, batch.scenario.n_tasks))
         self.gains = np.zeros((len(batch.seeds), batch.scenario.n_operators, batch.scenario.n_robots))
 
     def __call__(self, observations: Observations) -> Decisions:
         decisions = stay(observations)
-        rate_tasks(self.missions, self.tasks)
+        missions = self.batch.state.missions
+        rate_tasks(missions, self.tasks)
         targets = np.array([_assign(worth) for worth in self.tasks])
-        rate_control(self.missions, targets, self.gains)
+        rate_control(missions, targets, self.gains)
         supervised = [_assign(gains) for gains in self.gains]
         for i, robot in enumerate(observations.robots):
             target = targets[robot["mission"], robot["robot"]]
