@@ -15,7 +15,9 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from . import POLICIES, SCENARIOS, load_scenario, load_trace
+from . import SCENARIOS, load_scenario, load_trace
+from .policies import find_policy
+from .radio import find_link_model
 from .scenarios import describe
 from .study.fly import fly, trace_path
 
@@ -53,8 +55,11 @@ class Run:
         from .study.summary import summary_json, summary_table
 
         scenario = load_scenario(self.scenario)
+        privileged = find_policy(self.policy).is_privileged
+        find_link_model(self.links)
         _at_least("missions", self.missions, 1)
         _at_least("workers", self.workers, 1)
+        _at_least("seed", self.seed, 0)
         folder = self.out or (Path("runs") if self.video else None)
         if folder is not None:
             _make_folder(folder)
@@ -64,7 +69,6 @@ class Run:
         }  # fmt: skip
         with _progress("flying", self.missions) as advance:
             scores = fly(scenario, self.policy, seeds, self.links, self.limitation, folder, self.workers, advance)
-        privileged = POLICIES[self.policy].is_privileged
         if self.json:
             print(summary_json({**settings, "privileged": privileged}, seeds, scores))
         else:
@@ -103,6 +107,7 @@ class Render:
     """processes"""
 
     def __call__(self, report=OUT):
+        _load_mujoco()
         from .render import render_image, render_video
 
         trace, size = load_trace(self.trace), _parse_size(self.size)
@@ -146,6 +151,7 @@ class World:
     """FILE.xml; its textures go into a folder beside it"""
 
     def __call__(self):
+        _load_mujoco()
         from .models.mjcf import write_world
         from .models.world import make_world
 
@@ -166,6 +172,7 @@ class Figure:
     """of the mission"""
 
     def __call__(self):
+        _load_mujoco()
         from .models.world import make_world
         from .render import overview_figure
 
@@ -220,7 +227,7 @@ Command = Run | Render | Scenarios | World | Figure | Bench | Calibrate
 def _progress(what, total):
     """A progress bar on standard error; yields how to advance it."""
     columns = TextColumn(what), BarColumn(), MofNCompleteColumn() if total > 1 else TextColumn("{task.percentage:.0f} %")
-    with Progress(*columns, TimeRemainingColumn(), console=LOG) as progress:
+    with Progress(*columns, TimeRemainingColumn(), console=LOG, transient=True) as progress:
         task = progress.add_task(what, total=total)
         yield lambda amount: progress.advance(task, amount)
 
@@ -239,6 +246,16 @@ def _parse_size(text) -> tuple[int, int]:
 def _at_least(name, value, least):
     if value < least:
         raise ValueError(f"--{name} must be at least {least}, is {value}")
+
+
+def _load_mujoco():
+    """MuJoCo loads the backend that MUJOCO_GL names when it is imported, and fails however that one fails."""
+    try:
+        import mujoco  # noqa: F401
+    except Exception as error:
+        needs = "libegl1 libgl1-mesa-dri libopengl0 (MUJOCO_GL=egl) or libosmesa6 (MUJOCO_GL=osmesa)"
+        backend = os.environ.get("MUJOCO_GL")
+        raise RuntimeError(f"MUJOCO_GL={backend} does not work here ({error}): install {needs}, or unset it") from None
 
 
 def _make_folder(path):

@@ -5,15 +5,13 @@ file is refused by name.
 """
 
 import dataclasses
-import os
-import tempfile
 import zipfile
 import zlib
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
+from ..files import whole_file
 from ..scenarios import Scenario, from_json, to_json
 from ..terms import Kind
 from .batch import MissionBatch
@@ -161,26 +159,14 @@ def save_trace(trace: Trace, path) -> None:
     """Write a trace atomically.
 
     Raises:
-      ValueError: the folder cannot be written.
+      ValueError: the file cannot be written; the message names it.
     """
-    path = Path(path)
     head = {name: getattr(trace, name) for name in ("seed", "policy", "links", "limitation")}
     head |= {"magic": MAGIC, "format": FORMAT, "scenario": to_json(trace.scenario)}
     arrays = {name: getattr(trace, name) for name in ARRAYS}
     arrays |= {f"record_{name}": column for name, column in trace.records.items()}
-    try:
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    except OSError as error:
-        raise ValueError(f"cannot write {path}: {error.strerror}") from None
-    try:
-        with os.fdopen(handle, "wb") as file:
-            np.savez_compressed(file, **head, **arrays)
-        os.replace(temporary, path)
-    except BaseException as error:
-        Path(temporary).unlink(missing_ok=True)
-        if isinstance(error, OSError):
-            raise ValueError(f"cannot write {path}: {error.strerror}") from None
-        raise
+    with whole_file(path) as part, open(part, "wb") as file:
+        np.savez_compressed(file, **head, **arrays)
 
 
 def load_trace(path) -> Trace:

@@ -6,7 +6,6 @@ body with a hinge of the same name: set its qpos (rad) to spin it. A POI's geoms
 `poi0/marker` carry their colour in `geom_rgba`. Fixed cameras: `overview`, `station`, `map` (from far above).
 """
 
-import os
 import zlib
 from enum import IntEnum
 from pathlib import Path
@@ -15,6 +14,7 @@ import cv2
 import mujoco
 import numpy as np
 
+from ..files import whole_file
 from ..terms import TaskType
 from . import meshes, textures
 from .cameras import add_cameras
@@ -250,7 +250,8 @@ def write_world(world: World, path) -> None:
         kept = [_move_to_file(texture, assets) for texture in spec.textures]
         spec.modelfiledir, spec.texturedir = str(path.parent), assets.name
         # MuJoCo 3.17 pads the layout of the sky's faces, and refuses to read the padding.
-        _replace(path, spec.to_xml().replace("RLUDFB......", "RLUDFB").encode())
+        with whole_file(path) as draft:
+            draft.write_text(spec.to_xml().replace("RLUDFB......", "RLUDFB"))
         for stale in set(assets.glob("*-????????.png")) - set(kept):
             stale.unlink()
     except OSError as error:
@@ -261,16 +262,7 @@ def _move_to_file(texture, folder) -> Path:
     """Turn a texture's buffer into a PNG in `folder`, named by its content."""
     image = np.frombuffer(texture.data, np.uint8).reshape(texture.height, texture.width, 3)
     path = folder / f"{texture.name}-{zlib.crc32(texture.data):08x}.png"
-    _replace(path, cv2.imencode(".png", cv2.cvtColor(image, cv2.COLOR_RGB2BGR))[1].tobytes())
+    with whole_file(path) as draft:
+        draft.write_bytes(cv2.imencode(".png", cv2.cvtColor(image, cv2.COLOR_RGB2BGR))[1].tobytes())
     texture.data, texture.file = b"", path.name
     return path
-
-
-def _replace(path, content):
-    """Write a file in one step: readers see the old content or the new one."""
-    draft = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        draft.write_bytes(content)
-        draft.replace(path)
-    finally:
-        draft.unlink(missing_ok=True)

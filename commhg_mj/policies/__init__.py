@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from ..mission.batch import MissionBatch
+from ..radio import find_link_model
 from ..scenarios import load_scenario
 from .greedy import Greedy
 from .omniscient import Omniscient, every_second
@@ -38,6 +39,7 @@ def find_policy(name: str) -> PolicyInfo:
 def prepare(name: str, scenario, seeds, links="abstract", limitation="nominal", record=False):
     """(batch, policy) for missions of a scenario; a privileged policy gets its idealised conditions."""
     info, scenario = find_policy(name), load_scenario(scenario)
+    find_link_model(links)
     ensure_compiled(POLICIES.values())
     if info.is_privileged:
         scenario, links = every_second(scenario), "perfect"

@@ -6,6 +6,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from ..files import whole_file
 from ..models.world import World, make_world
 from ..terms import Activity, TaskType
 from . import marks
@@ -14,7 +15,7 @@ from .canvas import Canvas, text_width
 from .labels import Label, place_labels
 from .moment import Timeline
 from .stage import Stage
-from .video import whole_file, write_png
+from .video import write_png
 
 SIZE = (1920, 1080)  # pixels
 INSET = (320, 180)

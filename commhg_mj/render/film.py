@@ -11,6 +11,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from ..files import whole_file
 from ..models.world import make_world
 from .cameras import check_camera
 from .canvas import Canvas
@@ -18,7 +19,7 @@ from .hud import Hud
 from .moment import Timeline
 from .overlay import Overlay
 from .stage import Stage
-from .video import to_yuv, whole_file, write_mp4, write_png
+from .video import to_yuv, write_mp4, write_png
 
 CHUNK = 24  # pictures that one process makes in a row; labels keep their places within it
 SHOWN_FOR = 0.45  # s of video: messages are shown at least this long

@@ -1,37 +1,12 @@
-"""Files: H.264 in MP4 that browsers play, and PNG. A file appears whole or not at all."""
+"""Files: H.264 in MP4 that browsers play, and PNG."""
 
-import contextlib
-import os
 from fractions import Fraction
-from pathlib import Path
 
 import av
 import cv2
 
 QUALITY = {"crf": "21", "preset": "veryfast", "tune": "animation"}
 BT601 = 6  # FFmpeg's number for the colour matrix that OpenCV converts with
-
-
-@contextlib.contextmanager
-def whole_file(out):
-    """A path to write to in the folder of `out`, renamed to `out` at the end, removed after an error.
-
-    Raises:
-      ValueError: the folder does not exist or cannot be written, or `out` is a folder itself.
-    """
-    out = Path(out)
-    if out.is_dir():
-        raise ValueError(f"cannot write {out}: it is a folder")
-    part = out.with_name(f".{out.stem}.{os.getpid()}.part{out.suffix}")
-    try:
-        part.touch()
-    except OSError as error:
-        raise ValueError(f"cannot write {out}: {error.strerror}") from None
-    try:
-        yield part
-        os.replace(part, out)
-    finally:
-        part.unlink(missing_ok=True)
 
 
 def to_yuv(picture):
@@ -52,4 +27,6 @@ def write_mp4(path, pictures, size, fps):
 
 
 def write_png(path, picture):
-    cv2.imwrite(str(path), picture)
+    """Write a picture [height, width, 3]."""
+    if not cv2.imwrite(str(path), picture):
+        raise OSError(f"OpenCV cannot write {path}")
