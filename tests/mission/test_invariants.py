@@ -148,7 +148,7 @@ def test_rules_hold_at_every_step_of_any_mission(scenario, seed, links, limitati
 @settings(max_examples=12)
 @given(scenarios(), seeds, limitations, st.sampled_from(["random", "greedy", "omniscient"]))
 def test_reference_policies_fly_any_scenario_legally(scenario, seed, limitation, name):
-    batch, policy = prepare(name, scenario, [seed, seed + 1], limitation=limitation)
+    batch, policy = prepare(name, scenario, [seed, seed // 2], limitation=limitation)
     auditor = Auditor()
     while not batch.over.all():
         batch.step(policy(batch.observations))
