@@ -5,7 +5,7 @@ import pytest
 from flying import Wanderer, WatchedBatch, copied, fly, flown
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from strategies import limitations, link_models, scenarios, seeds
+from strategies import change, limitations, link_models, scenarios, seeds
 
 from commhg_mj.policies import prepare
 from commhg_mj.scenarios import SCENARIOS
@@ -238,3 +238,14 @@ def test_robots_move_at_their_speed_and_failed_ones_not_at_all(scenario, seed):
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_rules_hold_on_the_named_scenarios(name):
     fly(WatchedBatch(name, [5], watch=Auditor()), Wanderer(3, 0.05), seconds=250)
+
+
+@pytest.mark.parametrize("sizes", [(1, 0, 0, 1), (0, 1, 0, 1), (0, 1, 24, 1), (32, 32, 24, 1024), (64, 0, 0, 2)])
+def test_rules_hold_at_the_limits_of_size(sizes):
+    n_uav, n_ugv, n_operators, n_tasks = sizes
+    scenario = change(
+        SCENARIOS["large"], n_uav=n_uav, n_ugv=n_ugv, n_operators=n_operators, n_tasks=n_tasks, time_limit=60,
+        poi_spacing=0.01, sensing_radius=0.2, malfunction=0.5, service_base=2.0, service_per_difficulty=4.0,
+    )  # fmt: skip
+    batch = fly(WatchedBatch(scenario, [1], watch=Auditor()), Wanderer(1, 0.1))
+    assert batch.over.all()
