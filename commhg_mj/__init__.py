@@ -7,7 +7,9 @@
 >>> [score.twcr for score in missions.scores()]
 """
 
-from .mission.batch import MissionBatch, stay
+from numbers import Integral
+
+from .mission.batch import MissionBatch, check_seed, stay
 from .mission.decide import Decisions
 from .mission.observe import Observations
 from .mission.score import Score
@@ -31,7 +33,8 @@ def make_vec(scenario, num_missions=1, seed=0, links="abstract", limitation="nom
 
     Args and errors as for `MissionBatch`.
     """
-    if isinstance(num_missions, bool) or not isinstance(num_missions, int) or num_missions < 1:
+    if isinstance(num_missions, bool) or not isinstance(num_missions, Integral) or num_missions < 1:
         raise ValueError(f"num_missions must be a whole number of at least 1, is {num_missions!r}")
+    seed = check_seed(seed)
     ensure_compiled(POLICIES.values())
     return MissionBatch(scenario, range(seed, seed + num_missions), links, limitation, record)

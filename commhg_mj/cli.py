@@ -22,7 +22,7 @@ from .scenarios import describe
 from .study.fly import fly, trace_path
 
 Limitation = Literal["nominal", "low", "high"]
-OUT = Console()
+OUT = Console(width=None if sys.stdout.isatty() else 140)
 LOG = Console(stderr=True)
 
 

@@ -207,10 +207,11 @@ def _check_value(name, value, field):
         if not isinstance(value, str):
             raise ValueError(f"{name} must be a string, is {value!r}")
         return
-    fixed_length = isinstance(default, tuple) and name != "tasks.values"
     if isinstance(default, tuple) and not isinstance(value, tuple):
         raise ValueError(f"{name} must be a list of {len(default)} numbers, is {value!r}")
-    if fixed_length and len(value) != len(default):
+    if isinstance(value, tuple) and not isinstance(default, tuple):
+        raise ValueError(f"{name} must be one number, is {list(value)!r}")
+    if isinstance(default, tuple) and name != "tasks.values" and len(value) != len(default):
         raise ValueError(f"{name} must hold {len(default)} numbers, holds {len(value)}")
     items = value if isinstance(value, tuple) else (value,)
     kind = default[0] if isinstance(default, tuple) else default
@@ -244,7 +245,7 @@ def load_scenario(name) -> Scenario:
     """
     if isinstance(name, Scenario):
         return name
-    if name in SCENARIOS:
+    if isinstance(name, str) and name in SCENARIOS:
         return SCENARIOS[name]
     if not str(name).endswith(".toml"):
         raise ValueError(f"unknown scenario {str(name)!r}: use {', '.join(SCENARIOS)} or a .toml file")

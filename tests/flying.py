@@ -1,12 +1,12 @@
 """Helpers that fly missions: a test policy, a batch that is watched, decisions by name, state comparison."""
 
-import dataclasses
 import hashlib
 
 import numpy as np
 from strategies import change
 
 from commhg_mj.mission.batch import MissionBatch, stay
+from commhg_mj.mission.state import ADDRESSES
 from commhg_mj.scenarios import SCENARIOS
 from commhg_mj.terms import IDLE, KEEP, NOBODY, REST
 
@@ -130,14 +130,14 @@ class Pilot:
 
 
 def visible_bytes(array):
-    """The bytes of a record array without padding and without addresses of memory."""
+    """The bytes of a record array without padding, addresses of memory and room for the log."""
     names = array.dtype.names
     if names is None:
         return np.ascontiguousarray(array).tobytes()
-    return b"".join(visible_bytes(array[name]) for name in names if not name.endswith("_at") or name in KEPT)
+    return b"".join(visible_bytes(array[name]) for name in names if name not in ELSEWHERE)
 
 
-KEPT = ("change_at", "changed_at", "done_at", "failed_at", "bid_at", "renewed_at")  # times, not addresses
+ELSEWHERE = {*ADDRESSES, "n_log_ticks", "n_log_messages"}  # where a mission lies, not what it is
 
 
 def fingerprint(arrays, missions=slice(None)):
@@ -161,8 +161,3 @@ def differences(one, other):
 def copied(arrays):
     """A deep copy of a named tuple of arrays."""
     return type(arrays)(*(array.copy() for array in arrays))
-
-
-def score_fields(score):
-    """A score as plain values, to compare."""
-    return dataclasses.asdict(score)

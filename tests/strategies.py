@@ -128,12 +128,9 @@ def scenarios(draw, **fixed):
 
 def change(scenario, **fields):
     """The scenario with other fields: its own, or a table's (`change(s, n_tasks=3, refill=0.0)`)."""
+    own = {name: fields.pop(name) for name in list(fields) if name in scenario.__dataclass_fields__}
     for name, value in fields.items():
-        if name in scenario.__dataclass_fields__:
-            scenario = dataclasses.replace(scenario, **{name: value})
-            continue
         tables = [t for t in scenario.__dataclass_fields__ if name in getattr(getattr(scenario, t), "__dataclass_fields__", ())]
         assert len(tables) == 1, name
-        rules = dataclasses.replace(getattr(scenario, tables[0]), **{name: value})
-        scenario = dataclasses.replace(scenario, **{tables[0]: rules})
-    return scenario
+        own[tables[0]] = dataclasses.replace(own.get(tables[0], getattr(scenario, tables[0])), **{name: value})
+    return dataclasses.replace(scenario, **own)

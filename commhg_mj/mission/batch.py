@@ -79,7 +79,7 @@ class MissionBatch:
 
     def __init__(self, scenario, seeds, links="abstract", limitation="nominal", record=False):
         self.scenario: Scenario = load_scenario(scenario)
-        self.seeds = [_check_seed(seed) for seed in seeds]
+        self.seeds = [check_seed(seed) for seed in seeds]
         if not self.seeds:
             raise ValueError("seeds: at least one mission is needed")
         if limitation not in LIMITATIONS:
@@ -192,7 +192,8 @@ def stay(observations: Observations) -> Decisions:
     )
 
 
-def _check_seed(seed) -> int:
+def check_seed(seed) -> int:
+    """The seed as an int; ValueError unless it is a whole number in 0..2^63 - 1."""
     if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or not 0 <= seed < 2**63:
         raise ValueError(f"seed must be a whole number in 0..2^63 - 1, is {seed!r}")
     return int(seed)

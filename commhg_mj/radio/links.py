@@ -27,7 +27,7 @@ def find_link_model(name: str) -> LinkModel:
     Raises:
       ValueError: there is none.
     """
-    if name not in LINK_MODELS:
+    if not isinstance(name, str) or name not in LINK_MODELS:
         raise ValueError(f"unknown link model {name!r}: use {', '.join(LINK_MODELS)}")
     return LINK_MODELS[name]
 

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from rich.box import MARKDOWN
 from rich.table import Table
 
 from ..scenarios import SCENARIOS
@@ -63,9 +64,9 @@ N_FLIGHTS = 7  # sets of missions that one calibration flies
 
 
 def calibration_tables(results: list[Calibration], n_missions: int) -> list[Table]:
-    """TWCR of every reference, and the rules with what was measured."""
-    figures = Table(title=f"mean TWCR, {n_missions} missions [95 % interval]", title_justify="left")
-    rules = Table(title="rules", title_justify="left")
+    """TWCR of every reference, and the rules with what was measured; docs/calibration.md holds them as printed."""
+    figures = Table(title=f"mean TWCR, {n_missions} missions [95 % interval]", title_justify="left", box=MARKDOWN)
+    rules = Table(title="rules", title_justify="left", box=MARKDOWN)
     figures.add_column("flight")
     rules.add_column("rule")
     for result in results:

@@ -7,7 +7,7 @@ from strategies import change, limitations, scenarios, seeds
 
 from commhg_mj.mission.transport import TIRED, TIRING
 from commhg_mj.scenarios import SCENARIOS
-from commhg_mj.terms import Status
+from commhg_mj.terms import Activity, Status
 
 OWN = ["x", "y", "task", "activity", "progress"]  # what a robot knows best of itself
 SUPERVISION = ["mode", "controller"]
@@ -90,3 +90,25 @@ def test_a_medium_mission_spreads_true_evidence_of_every_kind():
     assert np.any(known[:-1] & (beliefs["sensed"][:-1] == 0)), "nothing was relayed to robots"
     assert np.any(known[-1]) and np.any(batch.state.resources[0]["time"] >= 0)
     assert np.any(beliefs["status"][known] == Status.DONE)
+
+
+@settings(max_examples=10)
+@given(scenarios(robot_period=1, operator_period=1, malfunction=0.6), seeds)
+def test_age_of_information_is_the_mean_age_of_living_robots_reports(scenario, seed):
+    sums = np.zeros((2, scenario.n_robots + 1))
+
+    def add_ages(batch, acted):
+        if acted or batch.time[0] == 0:
+            return
+        failed = batch.state.robots["activity"][0] == Activity.FAILED
+        time = batch.state.peers["time"][0]
+        counts = (time >= 0) & ~failed & ~np.append(failed, False)[:, None]
+        if int(batch.time[0]) not in seconds:
+            seconds.add(int(batch.time[0]))
+            sums[0] += np.sum((batch.time[0] - time) * counts, axis=1)
+            sums[1] += counts.sum(axis=1)
+
+    seconds = set()
+    batch = fly(WatchedBatch(scenario, [seed], watch=add_ages), Wanderer(seed % 99))
+    np.testing.assert_allclose(batch.state.inboxes["age_sum"][0], sums[0])
+    assert np.array_equal(batch.state.inboxes["samples"][0], sums[1])

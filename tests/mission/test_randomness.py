@@ -44,7 +44,6 @@ def test_recording_changes_nothing():
     (with_log, _), (without, _) = flight([7], record=True)[7], flight([7])[7]
     batch = MissionBatch(SHORT, [7])
     assert batch.log.messages.shape[1] == 0
-    # The numbers of log lines belong to the record; everything else is the same.
     assert with_log == without
 
 
