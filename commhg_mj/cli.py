@@ -16,6 +16,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from . import SCENARIOS, load_scenario, load_trace
+from .mission.batch import check_seed
 from .policies import find_policy
 from .radio import find_link_model
 from .scenarios import describe
@@ -59,7 +60,8 @@ class Run:
         find_link_model(self.links)
         _at_least("missions", self.missions, 1)
         _at_least("workers", self.workers, 1)
-        _at_least("seed", self.seed, 0)
+        check_seed(self.seed)
+        check_seed(self.seed + self.missions - 1)
         folder = self.out or (Path("runs") if self.video else None)
         if folder is not None:
             _make_folder(folder)
@@ -119,7 +121,7 @@ class Render:
                     trace, self.out, self.camera, size, self.fps, self.speed, self.start, self.stop, self.workers,
                     lambda done, total: advance(1 / total),
                 )  # fmt: skip
-        report.print(f"wrote {self.out}")
+        _say(f"wrote {self.out}", report)
 
 
 @dataclass(frozen=True)
@@ -155,9 +157,9 @@ class World:
         from .models.mjcf import write_world
         from .models.world import make_world
 
-        _at_least("seed", self.seed, 0)
+        check_seed(self.seed)
         write_world(make_world(load_scenario(self.scenario), self.seed), self.out)
-        OUT.print(f"wrote {self.out}")
+        _say(f"wrote {self.out}")
 
 
 @dataclass(frozen=True)
@@ -176,9 +178,9 @@ class Figure:
         from .models.world import make_world
         from .render import overview_figure
 
-        _at_least("seed", self.seed, 0)
+        check_seed(self.seed)
         overview_figure(make_world(load_scenario(self.scenario), self.seed), self.out)
-        OUT.print(f"wrote {self.out}")
+        _say(f"wrote {self.out}")
 
 
 @dataclass(frozen=True)
@@ -227,9 +229,14 @@ Command = Run | Render | Scenarios | World | Figure | Bench | Calibrate
 def _progress(what, total):
     """A progress bar on standard error; yields how to advance it."""
     columns = TextColumn(what), BarColumn(), MofNCompleteColumn() if total > 1 else TextColumn("{task.percentage:.0f} %")
-    with Progress(*columns, TimeRemainingColumn(), console=LOG, transient=True) as progress:
+    with Progress(*columns, TimeRemainingColumn(), console=LOG, transient=True, disable=not LOG.is_terminal) as progress:
         task = progress.add_task(what, total=total)
         yield lambda amount: progress.advance(task, amount)
+
+
+def _say(text, console=OUT, **style):
+    """Print one line as it is: paths are neither wrapped nor read as markup."""
+    console.print(text, markup=False, highlight=False, soft_wrap=True, **style)
 
 
 def _show(value) -> str:
@@ -272,11 +279,15 @@ def main(arguments=None) -> int:
     command = tyro.cli(Command, prog="commhg-mj", description=__doc__.splitlines()[0], args=arguments)
     try:
         command()
-    except (ValueError, RuntimeError) as error:
-        LOG.print(f"commhg-mj: {error}", style="red", markup=False, highlight=False, soft_wrap=True)
+        sys.stdout.flush()
+    except BrokenPipeError:  # the reader of our output, such as head, has gone
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    except (ValueError, RuntimeError, OSError, MemoryError) as error:
+        _say(f"commhg-mj: {error or 'not enough memory'}", LOG, style="red")
         return 2
     except KeyboardInterrupt:
-        LOG.print("interrupted")
+        _say("interrupted", LOG)
         return 130
     return 0
 

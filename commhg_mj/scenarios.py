@@ -7,11 +7,13 @@ within the calibration rules (docs/calibration.md).
 import dataclasses
 import json
 import math
+import re
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 
 LIMITATIONS = ("nominal", "low", "high")
+NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")  # names of scenarios go into names of files
 
 
 def _field(default, unit, mark, doc, low=None, high=None):
@@ -204,8 +206,8 @@ def _check(rules, prefix):
 def _check_value(name, value, field):
     default = field.default
     if isinstance(default, str):
-        if not isinstance(value, str):
-            raise ValueError(f"{name} must be a string, is {value!r}")
+        if not isinstance(value, str) or not NAME.fullmatch(value):
+            raise ValueError(f"{name} must be up to 64 letters, digits, '-', '_' or '.', and begin with one, is {value!r}")
         return
     if isinstance(default, tuple) and not isinstance(value, tuple):
         raise ValueError(f"{name} must be a list of {len(default)} numbers, is {value!r}")
@@ -250,8 +252,8 @@ def load_scenario(name) -> Scenario:
     if not str(name).endswith(".toml"):
         raise ValueError(f"unknown scenario {str(name)!r}: use {', '.join(SCENARIOS)} or a .toml file")
     try:
-        table = tomllib.loads(Path(name).read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        table = tomllib.loads(Path(name).read_text(encoding="utf-8-sig"))
+    except (OSError, ValueError, RecursionError) as error:
         raise ValueError(f"scenario file {name}: {error}") from None
     try:
         return from_dict(table)

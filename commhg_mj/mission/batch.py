@@ -11,7 +11,7 @@ from ..radio import find_link_model
 from ..scenarios import LIMITATIONS, Scenario, load_scenario
 from ..terms import IDLE, KEEP, NOBODY, REST
 from .access import operator_of, robot_of
-from .decide import ILLEGAL, Decisions, apply_decisions, find_illegal
+from .decide import ILLEGAL, Decisions, apply_decisions, find_illegal, masks_of
 from .draw import draw_mission, initialize
 from .log import new_log
 from .observe import Observations, new_observations, observe_operator, observe_robot
@@ -117,8 +117,7 @@ class MissionBatch:
         """
         decisions = self._check(decisions)
         before = self.state.missions["reward"].copy()
-        seen = self.observations
-        apply_decisions(self.state.missions, seen.robots, seen.operators, decisions)
+        apply_decisions(self.state.missions, self._masks, decisions)
         observations = self._advance()
         self.rewards = self.state.missions["reward"] - before
         return observations
@@ -128,35 +127,41 @@ class MissionBatch:
         advance_all(self.state.missions, due)
         self.observations = new_observations(due[0], due[1], self.scenario)
         observe_due(self.state.missions, self.observations)
+        self._masks = masks_of(self.observations)
         return self.observations
 
     def _check(self, decisions) -> Decisions:
-        n, k = len(self.observations.robots), len(self.observations.operators)
+        if not isinstance(decisions, Decisions):
+            raise ValueError(f"decisions must be commhg_mj.Decisions, is {type(decisions).__name__}")
+        n, k = len(self._masks.robots), len(self._masks.operators)
         wanted = {"task": (n, np.int32), "broadcast": (n, np.bool_), "query": (n, np.int32), "assist": (n, np.bool_)}
         wanted["operator"] = (k, np.int32)
         arrays = []
         for name, (length, dtype) in wanted.items():
-            values = np.asarray(getattr(decisions, name))
+            try:
+                values = np.asarray(getattr(decisions, name))
+            except ValueError as error:
+                raise ValueError(f"decisions.{name}: {error}") from None
             if values.shape != (length,):
                 raise ValueError(f"decisions.{name} must have shape ({length},), has {values.shape}")
-            if not np.can_cast(values.dtype, dtype, "same_kind"):
+            if values.dtype.kind not in ("b" if dtype is np.bool_ else "iu"):
                 raise ValueError(f"decisions.{name} must be of type {np.dtype(dtype).name}, is {values.dtype}")
             if values.dtype.kind in "iu" and not np.all((values >= LOWEST) & (values <= HIGHEST)):
                 raise ValueError(f"decisions.{name} holds a number out of range")
             arrays.append(np.ascontiguousarray(values, dtype))
         checked = Decisions(*arrays)
-        row, rule = find_illegal(self.observations, checked)
+        row, rule = find_illegal(self._masks, checked)
         if row >= 0:
             raise ValueError(self._explain(checked, row, rule))
         return checked
 
     def _explain(self, decisions, row, rule):
         if rule < 9:
-            actor = self.observations.robots[row]
+            actor = self._masks.robots[row]
             name = self.scenario.robot_names[actor["robot"]]
             chosen = f"task {decisions.task[row]}, query {decisions.query[row]}"
         else:
-            actor = self.observations.operators[row]
+            actor = self._masks.operators[row]
             name, chosen = f"operator{actor['operator']}", f"choice {decisions.operator[row]}"
         return f"{name} of mission {actor['mission']} at {actor['time']:.0f} s: {ILLEGAL[rule]} ({chosen})"
 

@@ -46,15 +46,35 @@ ILLEGAL = (
 )
 
 
+class Masks(NamedTuple):
+    """Who was asked to decide and what was legal: the batch's own copy, whatever a policy does to its observations."""
+
+    robots: np.ndarray  # [robots due] ROBOT_SEES
+    tasks: np.ndarray  # [robots due, T] i1
+    queries: np.ndarray  # [robots due, H] i1
+    operators: np.ndarray  # [operators due] OPERATOR_SEES
+    supervised: np.ndarray  # [operators due, R] i1
+
+
+def masks_of(observations) -> Masks:
+    """Copies out of observations."""
+    return Masks(
+        observations.robots.copy(),
+        np.ascontiguousarray(observations.robot_tasks["legal"]),
+        np.ascontiguousarray(observations.robot_operators["legal"]),
+        observations.operators.copy(),
+        np.ascontiguousarray(observations.operator_reports["legal"]),
+    )
+
+
 @kernel
-def find_illegal(observations, decisions):
+def find_illegal(masks, decisions):
     """(row, rule) of the first decision that its mask forbids; (-1, 0) when all are legal."""
-    tasks, operators = observations.robot_tasks, observations.robot_operators
-    for i in range(observations.robots.shape[0]):
-        robot, task, query = observations.robots[i], decisions.task[i], decisions.query[i]
-        if task >= tasks.shape[1] or task < IDLE:
+    for i in range(masks.robots.shape[0]):
+        robot, task, query = masks.robots[i], decisions.task[i], decisions.query[i]
+        if task >= masks.tasks.shape[1] or task < IDLE:
             return i, 0
-        if task >= 0 and not tasks[i, task].legal:
+        if task >= 0 and not masks.tasks[i, task]:
             return i, 1
         if task == KEEP and not robot.can_keep:
             return i, 2
@@ -62,46 +82,45 @@ def find_illegal(observations, decisions):
             return i, 3
         if decisions.broadcast[i] and not robot.can_broadcast:
             return i, 4
-        if query >= operators.shape[1] or query < NOBODY:
+        if query >= masks.queries.shape[1] or query < NOBODY:
             return i, 5
-        if query != NOBODY and not operators[i, query].legal:
+        if query != NOBODY and not masks.queries[i, query]:
             return i, 6
         if decisions.assist[i] and query != NOBODY:
             return i, 7
         if decisions.assist[i] and not robot.can_assist:
             return i, 8
-    reports = observations.operator_reports
-    for i in range(observations.operators.shape[0]):
+    for i in range(masks.operators.shape[0]):
         choice = decisions.operator[i]
-        if choice >= reports.shape[1] or choice < REST:
+        if choice >= masks.supervised.shape[1] or choice < REST:
             return i, 9
-        if choice >= 0 and not reports[i, choice].legal:
+        if choice >= 0 and not masks.supervised[i, choice]:
             return i, 10
-        if choice == KEEP and not observations.operators[i].can_keep:
+        if choice == KEEP and not masks.operators[i].can_keep:
             return i, 11
     return -1, 0
 
 
 @kernel
-def apply_decisions(missions, robots, operators, decisions):
+def apply_decisions(missions, masks, decisions):
     """Let every due actor's decision take effect, robots before operators, in the order of their indices.
 
     Tasks that are given up become free before any new claim is heard (the resolver).
     """
-    for i in range(robots.shape[0]):
-        m, r = missions[robots[i].mission], robots[i].robot
+    for i in range(masks.robots.shape[0]):
+        m, r = missions[masks.robots[i].mission], masks.robots[i].robot
         choice = int(decisions.task[i])
         if choice == IDLE or (choice >= 0 and choice != robot_of(m, r).task):
             drop_task(m, r)
-    for i in range(robots.shape[0]):
-        m, r = missions[robots[i].mission], robots[i].robot
+    for i in range(masks.robots.shape[0]):
+        m, r = missions[masks.robots[i].mission], masks.robots[i].robot
         robot_of(m, r).due = 0
         robot_of(m, r).next_decision = m.now + m.rules.robot_period
         log_robot_decision(m, r, decisions.task[i], decisions.broadcast[i], decisions.query[i], decisions.assist[i])
         claim(m, r, int(decisions.task[i]))
         speak(m, r, decisions.broadcast[i], int(decisions.query[i]), decisions.assist[i])
-    for i in range(operators.shape[0]):
-        m, h = missions[operators[i].mission], operators[i].operator
+    for i in range(masks.operators.shape[0]):
+        m, h = missions[masks.operators[i].mission], masks.operators[i].operator
         log_operator_decision(m, h, decisions.operator[i])
         supervise(m, h, int(decisions.operator[i]))
 

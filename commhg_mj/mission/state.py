@@ -115,7 +115,7 @@ REWARD_ROW = record(mission="f8", coordination="f8")
 LINK_ROW = record(percent="u1")
 BELIEF_ROW = record(time="i4", progress="u1", type="i1", status="i1", refused="i1")
 PEER_ROW = record(time="i4", task="i2", x="f4", y="f4", activity="i1", mode="i1", controller="i1")
-RESOURCE_ROW = record(time="i4", tokens="i2", queue="i2", robot="i2", session="i1", fatigue_class="i1")
+RESOURCE_ROW = record(time="i4", tokens="f4", queue="i2", robot="i2", session="i1", fatigue_class="i1")
 
 
 class State(NamedTuple):

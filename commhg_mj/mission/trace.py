@@ -5,16 +5,16 @@ file is refused by name.
 """
 
 import dataclasses
-import zipfile
-import zlib
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..files import whole_file
-from ..scenarios import Scenario, from_json, to_json
+from ..radio import find_link_model
+from ..scenarios import LIMITATIONS, Scenario, from_json, to_json
 from ..terms import Kind
-from .batch import MissionBatch
+from . import state as s
+from .batch import MissionBatch, check_seed
 from .log import SAMPLE_PERIOD
 from .score import twcr
 
@@ -180,41 +180,58 @@ def load_trace(path) -> Trace:
             found = {name: file[name] for name in file.files}
     except OSError as error:
         raise ValueError(f"cannot read trace {path}: {error.strerror or error}") from None
-    except (ValueError, EOFError, AttributeError, zipfile.BadZipFile, zlib.error) as error:
-        raise ValueError(f"{path} is damaged or not a trace: {error}") from None
+    except Exception as error:  # whatever zipfile, zlib and numpy say of bytes that are no archive
+        raise ValueError(f"{path} is damaged or not a trace ({type(error).__name__})") from None
     if str(found.get("magic")) != MAGIC:
         raise ValueError(f"{path} is not a commhg_mj trace")
     if str(found.get("format")) != str(FORMAT):
         raise ValueError(f"{path} is a trace of format {found.get('format')}; this version reads format {FORMAT}")
     try:
-        return _check_shapes(
-            Trace(
-                scenario=from_json(str(found["scenario"])),
-                seed=int(found["seed"]),
-                **{name: str(found[name]) for name in ("policy", "links", "limitation")},
-                **{name: found[name] for name in ARRAYS},
-                records={name.removeprefix("record_"): found[name] for name in found if name.startswith("record_")},
-            )
-        )
-    except KeyError as error:
-        raise ValueError(f"{path} is damaged: {error} is missing") from None
-    except ValueError as error:
+        return _assemble(found)
+    except (KeyError, TypeError, AttributeError, RecursionError, ValueError) as error:
         raise ValueError(f"{path} is damaged: {error}") from None
 
 
-def _check_shapes(trace) -> Trace:
-    """The trace, if its arrays fit its scenario and each other."""
-    rows, team = trace.ticks + 1, trace.scenario
-    leading = {
-        "robot": (rows, team.n_robots),
-        "operator": (rows, team.n_operators),
-        "task": (team.n_tasks,),
-        "message": (len(trace.message_kind),),
-        "link": ((rows - 1) // SAMPLE_PERIOD + 1, team.n_robots, team.n_robots + 1),
-        "reward": (rows - 1, 2),
+def _assemble(found) -> Trace:
+    """The trace in a file's arrays, each of which must have its type and fit the scenario."""
+    scenario = from_json(str(found["scenario"]))
+    for name, (dtype, shape) in _expected(scenario, len(found["reward"]), len(found["message_kind"])).items():
+        if name not in found or found[name].dtype != dtype or found[name].shape != shape:
+            raise ValueError(f"{name} is missing or does not fit")
+    links, limitation = str(found["links"]), str(found["limitation"])
+    find_link_model(links)
+    if limitation not in LIMITATIONS:
+        raise ValueError(f"unknown limitation {limitation!r}")
+    return Trace(
+        scenario=scenario,
+        seed=check_seed(found["seed"].item()),
+        policy=str(found["policy"]),
+        links=links,
+        limitation=limitation,
+        records={name.removeprefix("record_"): found[name] for name in found if name.startswith("record_")},
+        **{name: found[name] for name in ARRAYS},
+    )
+
+
+def _expected(scenario, ticks, n_messages) -> dict:
+    """Type and shape of every array of a trace."""
+    r, h, t = scenario.n_robots, scenario.n_operators, scenario.n_tasks
+    rows, samples = ticks + 1, ticks // SAMPLE_PERIOD + 1
+    arrays = {
+        "robot_xy": (np.dtype("f4"), (rows, r, 2)),
+        "task_xy": (np.dtype("f8"), (t, 2)),
+        "message_bytes": (np.dtype("i4"), (n_messages,)),
+        "link_quality": (np.dtype("u1"), (samples, r, r + 1)),
+        "reward": (np.dtype("f8"), (ticks, 2)),
     }
-    for name in ARRAYS:
-        wanted, shape = leading[name.split("_")[0]], getattr(trace, name).shape
-        if shape[: len(wanted)] != wanted:
-            raise ValueError(f"{name} has shape {shape}, which does not fit the scenario")
-    return trace
+    for name, field in TASK_FIELDS.items():
+        arrays[f"task_{name}"] = np.dtype("f8" if s.TASK[field].kind == "f" else "i2"), (t,)
+    tables = (
+        ("robot", s.ROBOT_ROW, (rows, r)), ("operator", s.OPERATOR_ROW, (rows, h)), ("message", s.MESSAGE_ROW, (n_messages,)),
+        ("record_belief", s.BELIEF_ROW, (samples, r + 1, t)), ("record_peer", s.PEER_ROW, (samples, r + 1, r)),
+        ("record_resource", s.RESOURCE_ROW, (samples, r, h)),
+    )  # fmt: skip
+    for prefix, row, shape in tables:
+        columns = (name for name in row.names if prefix != "robot" or name not in "xy")
+        arrays |= {f"{prefix}_{name}": (row[name], shape) for name in columns}
+    return arrays

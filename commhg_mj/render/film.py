@@ -24,6 +24,7 @@ from .video import to_yuv, write_mp4, write_png
 CHUNK = 24  # pictures that one process makes in a row; labels keep their places within it
 SHOWN_FOR = 0.45  # s of video: messages are shown at least this long
 SMALLEST, LARGEST = 64, 4096  # pixels
+MOST_PICTURES = 1_000_000  # in one video
 
 
 def render_video(
@@ -55,6 +56,8 @@ def render_video(
     _check_time(trace, "stop", stop)
     if start > stop:
         raise ValueError(f"start = {start:g} s is after stop = {stop:g} s")
+    if (stop - start) * fps / speed > MOST_PICTURES:
+        raise ValueError(f"fps = {fps:g} at speed = {speed:g} asks for more than {MOST_PICTURES} pictures")
     times = np.arange(start, stop + 1e-9, speed / fps)
     chunks = [times[i : i + CHUNK] for i in range(0, len(times), CHUNK)]
     film = partial(Film, trace, camera, tuple(size), SHOWN_FOR * speed)
