@@ -42,7 +42,7 @@ class Run:
     limitation: Limitation = "nominal"
     """of communication"""
     links: str = "abstract"
-    """link model"""
+    """link model: abstract, or perfect (free communication, idealised)"""
     workers: int = 1
     """processes"""
     out: Path | None = None
@@ -66,20 +66,20 @@ class Run:
         if folder is not None:
             _make_folder(folder)
         seeds = range(self.seed, self.seed + self.missions)
+        links = "perfect" if privileged else self.links
         settings = {
-            "scenario": scenario.name, "policy": self.policy, "links": self.links, "limitation": self.limitation,
+            "scenario": scenario.name, "policy": self.policy, "links": links, "limitation": self.limitation,
         }  # fmt: skip
         with _progress("flying", self.missions) as advance:
             scores = fly(scenario, self.policy, seeds, self.links, self.limitation, folder, self.workers, advance)
         if self.json:
             print(summary_json({**settings, "privileged": privileged}, seeds, scores))
         else:
-            conditions = f"links {self.links}, {self.limitation} limitation"
-            if privileged:
-                conditions = "PRIVILEGED REFERENCE: true state, free communication"
-            OUT.print(summary_table(f"{scenario.name}, {self.policy}, {conditions}, {self.missions} missions", scores))
+            mark = " (PRIVILEGED REFERENCE: true state)" if privileged else ""
+            title = f"{scenario.name}, {self.policy}{mark}, {links} links, {self.limitation} limitation, {self.missions} missions"
+            OUT.print(summary_table(title, scores))
         if self.video:
-            path = trace_path(folder, scenario, self.policy, self.seed)
+            path = trace_path(folder, scenario, self.policy, self.links, self.limitation, self.seed)
             Render(path, path.with_suffix(".mp4"))(report=LOG)
 
 
@@ -213,11 +213,11 @@ class Calibrate:
     """processes"""
 
     def __call__(self):
-        from .study.calibration import N_FLIGHTS, calibrate, calibration_tables
+        from .study.calibration import FLIGHTS, calibrate, calibration_tables
 
         _at_least("missions", self.missions, 2)
         _at_least("workers", self.workers, 1)
-        with _progress("flying", N_FLIGHTS * self.missions * len(SCENARIOS)) as advance:
+        with _progress("flying", len(FLIGHTS) * self.missions * len(SCENARIOS)) as advance:
             results = [calibrate(name, self.missions, self.workers, advance) for name in SCENARIOS]
         OUT.print(*calibration_tables(results, self.missions))
 

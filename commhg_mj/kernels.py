@@ -18,8 +18,8 @@ ROOMS = ("models", "radio", "mission", "policies")  # where kernels live
 def _source_hash() -> str:
     digest = hashlib.sha256(numba.__version__.encode())
     sources = [path.read_bytes() for room in ROOMS for path in sorted((PACKAGE / room).glob("*.py"))]
-    for source in [(PACKAGE / "terms.py").read_bytes(), *sources]:
-        if b"import" in source and (b"kernel" in source or b"Enum" in source or b"record(" in source):
+    for source in [(PACKAGE / name).read_bytes() for name in ("kernels.py", "terms.py")] + sources:
+        if b"kernel" in source or b"Enum" in source or b"record(" in source:
             digest.update(source)
     return digest.hexdigest()[:16]
 
@@ -31,7 +31,8 @@ def _cache_dir() -> Path:
         folder = base / "commhg_mj" / f"kernels-{_source_hash()}"
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            if os.access(folder, os.W_OK):
+            # numba runs what it finds there: nobody else may have made the folder.
+            if os.access(folder, os.W_OK) and folder.stat().st_uid == os.getuid():
                 return folder
         except OSError:
             continue

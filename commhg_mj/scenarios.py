@@ -55,7 +55,7 @@ class TaskRules:
 
     type_shares: tuple = _field((0.25, 0.25, 0.50), "share", "D", "UAV-only, UGV-only, general", 0, 1)
     difficulty: tuple = _field((0.0, 1.0), "", "D", "range of the uniform difficulty D", 0, 1)
-    values: tuple = _field((1.0, 2.0, 3.0), "", "P", "equally likely task values", 0.001, 1e6)
+    values: tuple = _field((1.0, 2.0, 3.0), "", "D", "equally likely task values", 0.001, 1e6)
     released_at_start: float = _field(0.70, "share", "D", "tasks known at t = 0", 0, 1)
     last_release: float = _field(0.60, "of the limit", "D", "later releases are uniform up to here", 0, 1)
     deadline: tuple = _field((120.0, 560.0), "s", "D", "deadline after the release, uniform", 0, 1e6)
@@ -147,7 +147,7 @@ class Scenario:
       ValueError: a field is impossible; the message names it.
     """
 
-    name: str = _field("medium", "", "P", "base it came from")
+    name: str = _field("medium", "", "D", "label, part of file names")
     map_side: float = _field(1000.0, "m", "P", "side of the square map", 50, 1e5)
     n_tasks: int = _field(56, "count", "P", "tasks of all releases", 1, 1024)
     time_limit: int = _field(1200, "s", "P", "mission duration", 1, 86400)
@@ -169,6 +169,10 @@ class Scenario:
         shares = self.tasks.type_shares
         if not math.isclose(sum(shares), 1.0, abs_tol=1e-6):
             raise ValueError(f"tasks.type_shares must sum to 1, sums to {sum(shares):g}")
+        for name, value in dataclasses.asdict(self.communication).items():
+            budgeted = name.endswith("_bytes") and name != "broadcast_bytes"
+            if budgeted and value > self.communication.bucket:
+                raise ValueError(f"communication.{name} = {value} does not fit into communication.bucket")
 
     @property
     def n_robots(self) -> int:

@@ -1,5 +1,6 @@
 #!/bin/sh
 # Rendering without a screen needs one OpenGL library: EGL with Mesa's software renderer, or OSMesa.
+PATH="$PATH:/usr/sbin:/sbin" # ldconfig is there
 packages="libegl1 libgl1-mesa-dri libopengl0"
 if ldconfig -p | grep -q 'libEGL\.so\.1' && ldconfig -p | grep -q 'libOpenGL\.so\.0'; then
     exit 0

@@ -5,7 +5,14 @@ import dataclasses
 from hypothesis import strategies as st
 
 from commhg_mj.scenarios import (
-    LIMITATIONS, CommunicationRules, DecisionRules, OperatorRules, RobotRules, Scenario, TaskRules, WorldRules,
+    LIMITATIONS,
+    CommunicationRules,
+    DecisionRules,
+    OperatorRules,
+    RobotRules,
+    Scenario,
+    TaskRules,
+    WorldRules,
 )  # fmt: skip
 
 seeds = st.integers(0, 2**63 - 1)
@@ -130,7 +137,11 @@ def change(scenario, **fields):
     """The scenario with other fields: its own, or a table's (`change(s, n_tasks=3, refill=0.0)`)."""
     own = {name: fields.pop(name) for name in list(fields) if name in scenario.__dataclass_fields__}
     for name, value in fields.items():
-        tables = [t for t in scenario.__dataclass_fields__ if name in getattr(getattr(scenario, t), "__dataclass_fields__", ())]
+        tables = [
+            t
+            for t in scenario.__dataclass_fields__
+            if name in getattr(getattr(scenario, t), "__dataclass_fields__", ())
+        ]
         assert len(tables) == 1, name
         own[tables[0]] = dataclasses.replace(own.get(tables[0], getattr(scenario, tables[0])), **{name: value})
     return dataclasses.replace(scenario, **own)

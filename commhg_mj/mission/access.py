@@ -14,7 +14,7 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 
 from ..kernels import kernel
-from ..models.routes import MAX_VISIBLE, Routes, Scratch
+from ..models.routes import Routes, Scratch
 from . import state as s
 
 WORD = ir.IntType(64)
@@ -133,7 +133,7 @@ def routes_of(m):
 @kernel
 def scratch_of(m):
     """Scratch for route queries; between them it is free for other use."""
-    n = MAX_VISIBLE + m.n_tasks
+    n = m.n_corners + m.n_tasks + 64
     return Scratch(
         carray(_pointer(m.found_at), (n,), np.int32),
         carray(_pointer(m.distance_at), (n,), np.float64),

@@ -11,7 +11,7 @@ from ..radio import find_link_model
 from ..scenarios import LIMITATIONS, Scenario, load_scenario
 from ..terms import IDLE, KEEP, NOBODY, REST
 from .access import operator_of, robot_of
-from .decide import ILLEGAL, Decisions, apply_decisions, find_illegal, masks_of
+from .decide import ILLEGAL, N_ROBOT_RULES, Decisions, apply_decisions, find_illegal, masks_of
 from .draw import draw_mission, initialize
 from .log import new_log
 from .observe import Observations, new_observations, observe_operator, observe_robot
@@ -90,6 +90,11 @@ class MissionBatch:
         self._grounds = [ground_of(world) for world in self.worlds]
         self.reset()
 
+    def __setstate__(self, attributes):
+        """A copy or an unpickled batch has arrays of its own: its missions must find those."""
+        self.__dict__.update(attributes)
+        wire(self.state, self._grounds, self.log)
+
     def reset(self) -> Observations:
         """Back to t = 0 of the same missions; everybody is due."""
         n = len(self.seeds)
@@ -156,7 +161,7 @@ class MissionBatch:
         return checked
 
     def _explain(self, decisions, row, rule):
-        if rule < 9:
+        if rule < N_ROBOT_RULES:
             actor = self._masks.robots[row]
             name = self.scenario.robot_names[actor["robot"]]
             chosen = f"task {decisions.task[row]}, query {decisions.query[row]}"
@@ -182,7 +187,7 @@ class MissionBatch:
 
     def scores(self) -> list[Score]:
         """How each mission went so far."""
-        return score_missions(self.state, self.scenario)
+        return score_missions(self.state)
 
 
 def stay(observations: Observations) -> Decisions:

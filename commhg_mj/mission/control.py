@@ -68,10 +68,13 @@ def receive_command(m, h, r, kind, now):
         return
     if robot.controller == h:
         robot.lease_until = now + rules.lease
-    elif kind == CONTROL and robot.controller != NOBODY:
+        return
+    if kind != CONTROL or operator.session != BID or operator.robot != r:  # withdrawn meanwhile
+        return
+    if robot.controller != NOBODY:
         m.conflicts += 1
         m.tick_reward[1] -= rules.conflict_cost
-    elif kind == CONTROL and operator.session == BID and operator.robot == r:
+    else:
         robot.controller = h
         robot.mode = HANDOVER
         robot.handover_until = now + rules.handover
@@ -102,13 +105,13 @@ def tire(m, h):
     """One second of work or rest: df/dt = k_a w(D)/c (1 - f), or -k_r c f."""
     operator, rules = operator_of(m, h), m.rules
     if operator.session != HELD:
-        operator.fatigue -= rules.recovery_rate * operator.capacity * operator.fatigue
+        operator.fatigue *= max(0.0, 1.0 - rules.recovery_rate * operator.capacity)
         return
     robot = robot_of(m, operator.robot)
     workload = rules.travel_workload
     if robot.activity == SERVICING:
         workload = rules.service_workload[0] + rules.service_workload[1] * task_of(m, robot.task).difficulty
-    operator.fatigue += rules.fatigue_rate * workload / operator.capacity * (1.0 - operator.fatigue)
+    operator.fatigue += min(1.0, rules.fatigue_rate * workload / operator.capacity) * (1.0 - operator.fatigue)
     operator.control_time += 1.0
 
 

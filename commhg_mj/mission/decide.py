@@ -30,7 +30,8 @@ class Decisions(NamedTuple):
 
 
 # What `find_illegal` answers besides "all legal": which rule a decision breaks.
-ILLEGAL = (
+N_ROBOT_RULES = 9
+ILLEGAL = (  # the first N_ROBOT_RULES are for robots, the others for operators
     "task is not a released task",
     "task is masked",
     "there is no task to KEEP",

@@ -34,6 +34,7 @@ def draw_mission(state, e: int, world: World) -> None:
     robots["last_broadcast"] = -1 - np.arange(scenario.n_robots) % scenario.decisions.robot_period
     mission = state.missions[e : e + 1]
     mission["seed"] = world.seed
+    mission["station_x"], mission["station_y"] = world.layout.station
     mission["total_value"] = state.tasks[e]["value"].sum()
 
 

@@ -5,13 +5,20 @@ from .service import autonomous_seconds, autonomous_success, controlled_success,
 
 
 @kernel
+def attempt(rules, distance, speed, difficulty, deadline, decay, now):
+    """(expected share of the value, seconds) of an autonomous robot's next attempt at a task."""
+    seconds = distance / speed + autonomous_seconds(rules, difficulty)
+    return autonomous_success(rules, difficulty) * timeliness(deadline, decay, now + seconds), seconds
+
+
+@kernel
 def expected_utility(rules, distance, speed, difficulty, value, deadline, decay, now):
     """Expected discounted value per second of an autonomous robot's next attempt at a task.
 
     Travel and service take their time; an attempt that fails yields nothing.
     """
-    seconds = distance / speed + autonomous_seconds(rules, difficulty)
-    return autonomous_success(rules, difficulty) * value * timeliness(deadline, decay, now + seconds) / seconds
+    gain, seconds = attempt(rules, distance, speed, difficulty, deadline, decay, now)
+    return value * gain / seconds
 
 
 @kernel
@@ -20,8 +27,7 @@ def expected_reward(rules, distance, speed, difficulty, value, deadline, decay, 
 
     The discounted value if it succeeds, less what the task costs while it is pending until then.
     """
-    seconds = distance / speed + autonomous_seconds(rules, difficulty)
-    gain = autonomous_success(rules, difficulty) * timeliness(deadline, decay, now + seconds)
+    gain, seconds = attempt(rules, distance, speed, difficulty, deadline, decay, now)
     return value * (gain - rules.pending_cost * seconds)
 
 

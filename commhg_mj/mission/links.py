@@ -15,5 +15,4 @@ def link_between(m, a, b):
 @kernel
 def link_to_station(m, r):
     """Share of packets that terrain lets pass between robot r and the station now."""
-    robot = robot_of(m, r)
-    return station_link(m.rules, robot.x, robot.y)
+    return station_link(m.rules)

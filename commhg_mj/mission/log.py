@@ -90,11 +90,15 @@ def log_end(m, line, fate, now):
 
 @kernel
 def log_robot_decision(m, r, choice, broadcast, query, request):
-    """What robot r chose in this second (written into the row that the next log_tick completes)."""
+    """What robot r chose in this second; after a refused claim it decides twice."""
     now = m.now
     if now < m.n_log_ticks:
         row = robot_row(m, now, r)
-        row.choice, row.broadcast, row.query, row.request = choice, broadcast, query, request
+        row.choice = choice
+        row.broadcast |= broadcast
+        row.request |= request
+        if query != NOBODY:
+            row.query = query
 
 
 @kernel

@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..kernels import kernel
-from ..models.routes import MAX_VISIBLE, distance, measure_goals
-from ..terms import NOBODY, Activity, Embodiment, Kind, Mode, Session
+from ..models.routes import distance, measure_goals
+from ..terms import NOBODY, Embodiment, Kind, Mode, Session
 from .access import (
     belief_of,
     operator_of,
@@ -22,11 +22,11 @@ from .access import (
     task_of,
     uplink_of,
 )  # fmt: skip
-from .records import DONE, believed_type, is_compatible, is_ruled_out
+from .records import DONE, OPEN, believed_type, is_compatible, is_ruled_out
 from .state import record
 
 UNKNOWN = -1.0
-FAILED, UGV, CONTROLLED = int(Activity.FAILED), int(Embodiment.UGV), int(Mode.CONTROLLED)
+UGV, CONTROLLED = int(Embodiment.UGV), int(Mode.CONTROLLED)
 RESTING, HELD = int(Session.REST), int(Session.HELD)
 REQUEST = int(Kind.REQUEST)
 
@@ -101,9 +101,9 @@ def observe_robot(m, r, seen, tasks, peers, operators):
     seen.since_request = age(now, robot.last_request)
     seen.query_waits = uplink_of(m, r, 0).since >= 0.0
     seen.request_waits = uplink_of(m, r, 1).since >= 0.0
-    seen.prescribed = robot.prescribed
     seen.can_keep = robot.task != NOBODY and not is_ruled_out(m, r, robot.task)
-    seen.can_idle = not (robot.prescribed and seen.can_keep)
+    seen.prescribed = robot.prescribed and seen.can_keep
+    seen.can_idle = not seen.prescribed
     seen.can_broadcast = now > robot.last_broadcast and m.n_robots > 1
     seen.can_assist = (
         robot.task != NOBODY
@@ -139,7 +139,7 @@ def observe_tasks(m, r, is_prescribed, rows):
             hide_task(row)
             continue
         row.type = believed_type(m, r, j)
-        row.status = belief.status if belief.time >= 0.0 else 0
+        row.status = belief.status if belief.time >= 0.0 else OPEN
         row.progress = belief.progress if belief.time >= 0.0 else 0.0
         row.x, row.y = task.x, task.y
         row.difficulty, row.value, row.deadline, row.decay = task.difficulty, task.value, task.deadline, task.decay
@@ -150,7 +150,7 @@ def observe_tasks(m, r, is_prescribed, rows):
         if is_ground and place != NOBODY:
             row.distance = between[place, j]
         elif is_ground:
-            wanted[MAX_VISIBLE + n_routes] = j
+            wanted[m.n_corners + n_routes] = j
             n_routes += 1
     if n_routes > 0:
         measure_routes(m, robot, n_routes, rows)
@@ -160,7 +160,7 @@ def observe_tasks(m, r, is_prescribed, rows):
 def measure_routes(m, robot, n_routes, rows):
     """Route lengths from between POIs to the tasks listed at the end of the scratch."""
     scratch = scratch_of(m)
-    wanted, lengths = scratch.found[MAX_VISIBLE:], scratch.distance[MAX_VISIBLE:]
+    wanted, lengths = scratch.found[m.n_corners :], scratch.distance[m.n_corners :]
     measure_goals(routes_of(m), robot.x, robot.y, wanted, n_routes, lengths, scratch)
     for k in range(n_routes):
         rows[wanted[k]].distance = lengths[k]
@@ -205,7 +205,7 @@ def observe_operator(m, h, seen, rows):
     seen.can_keep = operator.session != RESTING
     for r in range(m.n_robots):
         report, row = peer_of(m, station, r), rows[r]
-        row.legal = r != operator.robot and not (report.time >= 0.0 and report.activity == FAILED)
+        row.legal = r != operator.robot
         row.embodiment = robot_of(m, r).embodiment
         row.age = age(now, report.time)
         row.activity, row.mode, row.controller = report.activity, report.mode, report.controller

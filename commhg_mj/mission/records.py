@@ -4,11 +4,11 @@ Newer evidence replaces older, relaying refreshes nothing, completion is termina
 """
 
 from ..kernels import kernel
-from ..terms import Embodiment, Status, TaskType
+from ..terms import Activity, Embodiment, Status, TaskType
 from .access import belief_of, copy_record, inbox_of, peer_of, robot_of, routes_of, task_of
 from .state import NEVER
 
-DONE = int(Status.DONE)
+OPEN, DONE, SERVICING = int(Status.OPEN), int(Status.DONE), int(Activity.SERVICING)
 UAV, UGV = int(Embodiment.UAV), int(Embodiment.UGV)
 UAV_ONLY, UGV_ONLY = int(TaskType.UAV_ONLY), int(TaskType.UGV_ONLY)
 
@@ -41,7 +41,7 @@ def learn_task(m, receiver, task, task_type, status, progress, time, sensed):
     """Merge one piece of task evidence; a robot whose held task is contradicted becomes due."""
     belief = belief_of(m, receiver, task)
     known = belief.time >= 0.0
-    if (known and belief.status == DONE) or (time <= belief.time and status != DONE):
+    if (known and belief.status == DONE) or time <= belief.time:
         return
     belief.time = time
     belief.type = task_type
@@ -63,8 +63,9 @@ def write_peer(m, record, r, time):
     record.mode = robot.mode
     record.controller = robot.controller
     record.task = robot.task
-    record.progress = task_of(m, robot.task).progress if robot.task >= 0 else 0.0
-    record.request_time = robot.last_request
+    # On its way a robot knows nothing of its task's progress.
+    record.progress = task_of(m, robot.task).progress if robot.activity == SERVICING else 0.0
+    record.request_time = NEVER
 
 
 @kernel
@@ -78,6 +79,7 @@ def learn_peer(m, receiver, r, record):
         inbox.known += held.time < 0.0
         inbox.time_sum += record.time - max(0.0, held.time)
     news = held.task != record.task or held.activity != record.activity or held.mode != record.mode
+    record.request_time = held.request_time  # requests come by themselves
     copy_record(held, record)
     return news
 

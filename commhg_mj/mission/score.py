@@ -38,7 +38,7 @@ def twcr(value, deadline, decay, done_at) -> float:
     return float(np.sum(value * (done_at >= 0) * np.exp(-late / decay)) / np.sum(value))
 
 
-def score_missions(state, scenario) -> list[Score]:
+def score_missions(state) -> list[Score]:
     """Scores of all missions of a batch, from the simulator's own record of completions."""
     return [_score(state, e) for e in range(len(state.missions))]
 

@@ -42,6 +42,14 @@ def finish_task(m, r):
 
 
 @kernel
+def reject_task(m, r):
+    """Robot r has found its task incompatible: the way there was in vain."""
+    m.incompatibles += 1
+    m.tick_reward[1] -= m.rules.incompatible_cost
+    finish_task(m, r)
+
+
+@kernel
 def take_task(m, r, j):
     """Robot r owns task j and sets out for it."""
     robot = robot_of(m, r)
@@ -105,9 +113,7 @@ def arrive(m, r):
     task = task_of(m, robot.task)
     robot.place = robot.task
     if not is_compatible(robot.embodiment, task.type):
-        m.incompatibles += 1
-        m.tick_reward[1] -= m.rules.incompatible_cost
-        finish_task(m, r)
+        reject_task(m, r)
     elif task.status == DONE:
         finish_task(m, r)
     else:

@@ -13,6 +13,7 @@ import numpy as np
 from ..models.layout import unit_frame
 from ..models.routes import new_scratch
 from ..models.world import World
+from ..radio import LinkModel
 from ..scenarios import Scenario
 from ..terms import Fate, Kind
 
@@ -51,7 +52,8 @@ COUNTS = (
 )  # fmt: skip
 
 MISSION = record(
-    rules=(RULES,), seed="u8", now="i8", over="i1", messages="i8", flying="i8", total_value="f8", pending_value="f8",
+    rules=(RULES,), seed="u8", station_x="f8", station_y="f8", now="i8", over="i1", messages="i8", flying="i8",
+    total_value="f8", pending_value="f8",
     reward=("f8", (2,)), tick_reward=("f8", (2,)), switches="i8", incompatibles="i8", conflicts="i8", refusals="i8",
     **{name: "i8" for name in COUNTS + ADDRESSES},
 )  # fmt: skip
@@ -209,12 +211,15 @@ def ground_of(world: World) -> Ground:
         next_hop=routes.next_hop,
         between=routes.between,
         intervals=np.empty((2, max(1, len(parts)))),
-        **new_scratch(len(routes.goals))._asdict(),
+        **new_scratch(len(routes.corners), len(routes.goals))._asdict(),
     )
 
 
 def wire(state: State, grounds: list[Ground], log) -> None:
-    """Tell every mission's record where its arrays lie; their owner must outlive the kernels' calls."""
+    """Tell every mission's record where its arrays lie.
+
+    Their owner must outlive the kernels' calls; a mission's record is of no use to another batch.
+    """
     missions = state.missions
     missions["n_robots"], missions["n_operators"] = state.robots.shape[1], state.operators.shape[1]
     missions["n_tasks"] = state.tasks.shape[1]
@@ -252,5 +257,5 @@ def write_rules(missions, scenario: Scenario, link_model: int, limitation: int) 
     rules["controlled_hazard"] = robots.controlled_hazard * rules["hazard"]
     rules["sensing_radius"] = robots.sensing_radius * side
     rules["range"] = radio.range[limitation] * side
-    rules["on_time"] = 1.0 - radio.unavailable_or_delayed[limitation]
+    rules["on_time"] = 1.0 if link_model == LinkModel.PERFECT else 1.0 - radio.unavailable_or_delayed[limitation]
     rules["pending_cost"] = scenario.reward.pending

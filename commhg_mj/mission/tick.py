@@ -4,6 +4,7 @@ from ..kernels import kernel
 from ..radio.links import PERFECT
 from ..terms import Activity, Kind, Mode, Status
 from .access import (
+    belief_of,
     copy_record,
     downlink_of,
     flying_of,
@@ -13,17 +14,18 @@ from .access import (
     resource_of,
     robot_of,
     task_of,
-)  # fmt: skip
+    tip_of,
+)
 from .control import advance_sessions, break_robot, receive_command, tire
 from .log import log_tick
 from .randomness import Event, uniform
-from .records import age_records, learn_peer, learn_task, sense
-from .service import drop_task, serve, travel
+from .records import age_records, is_compatible, learn_peer, learn_task, sense
+from .service import drop_task, reject_task, serve, travel
 from .state import NEVER
 from .transport import close, enqueue, land, queue_telemetry, serve_downlink, serve_uplink
 
 FAILED, TRAVELLING, SERVICING = int(Activity.FAILED), int(Activity.TRAVELLING), int(Activity.SERVICING)
-AUTONOMOUS, DONE = int(Mode.AUTONOMOUS), int(Status.DONE)
+CONTROLLED, OPEN, DONE = int(Mode.CONTROLLED), int(Status.OPEN), int(Status.DONE)
 BROADCAST, TELEMETRY, QUERY, REQUEST = int(Kind.BROADCAST), int(Kind.TELEMETRY), int(Kind.QUERY), int(Kind.REQUEST)
 CONTROL, RENEWAL, REPLY = int(Kind.CONTROL), int(Kind.RENEWAL), int(Kind.REPLY)
 MALFUNCTION = int(Event.MALFUNCTION)
@@ -63,10 +65,10 @@ def malfunctions(m, now):
         robot = robot_of(m, r)
         if robot.activity == FAILED:
             continue
-        hazard = rules.hazard if robot.mode == AUTONOMOUS else rules.controlled_hazard
+        hazard = rules.controlled_hazard if robot.mode == CONTROLLED else rules.hazard
         if uniform(m.seed, MALFUNCTION, now, r, 0) < hazard:
             drop_task(m, r)
-            break_robot(m, r, now)
+            break_robot(m, r, now + 1)
 
 
 @kernel
@@ -89,7 +91,7 @@ def release_and_change(m, now):
             task.released = 1
             m.pending_value += task.value
         if task.change_at >= 0.0 and now >= task.change_at:
-            if task.progress == 0.0 and task.status == 0:
+            if task.progress == 0.0 and task.status == OPEN:
                 task.type = task.changes_to
                 task.changed_at = now
             task.change_at = NEVER
@@ -123,6 +125,9 @@ def receive(m, message, now):
                 if operator_of(m, h).robot == sender:
                     operator_of(m, h).due = 1
         learn_records(m, station, message)
+        for k in range(message.records):  # no tip tells a robot its own news
+            tip = tip_of(m, sender, message.task[k])
+            tip.time = max(tip.time, message.belief[k].time)
     elif kind == QUERY:
         waiting = downlink_of(m, receiver - station, 1 + sender)
         if waiting.since < 0.0:
@@ -149,10 +154,15 @@ def learn_records(m, receiver, message):
 
 @kernel
 def look_around(m, now):
-    """Every robot senses the tasks around it."""
+    """Every robot senses the tasks around it; it turns away from a task that it finds incompatible."""
     for r in range(m.n_robots):
-        if robot_of(m, r).activity != FAILED:
-            sense(m, r, now)
+        robot = robot_of(m, r)
+        if robot.activity == FAILED:
+            continue
+        sense(m, r, now)
+        if robot.activity == TRAVELLING and belief_of(m, r, robot.task).time == now:
+            if not is_compatible(robot.embodiment, belief_of(m, r, robot.task).type):
+                reject_task(m, r)
 
 
 @kernel

@@ -81,10 +81,6 @@ class Trace:
     records: dict  # "belief_time": [samples, R + 1, T], …: what every receiver held; row R is the station
 
     @property
-    def format(self) -> int:
-        return FORMAT
-
-    @property
     def ticks(self) -> int:
         """Seconds flown."""
         return len(self.reward)

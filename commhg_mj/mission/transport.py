@@ -5,6 +5,7 @@ h is address R + h, the station's shared table R + H.
 """
 
 from ..kernels import kernel
+from ..models.routes import distance
 from ..terms import NOBODY, Activity, Fate, Kind
 from .access import (
     belief_of,
@@ -24,10 +25,11 @@ from .access import (
 from .links import link_between, link_to_station
 from .log import log_end, log_message, log_sent
 from .randomness import Event, uniform
-from .records import freshest, write_peer
+from .records import DONE, OPEN, freshest, write_peer
 from .state import NEVER
 
-BROADCAST, TELEMETRY, REPLY = int(Kind.BROADCAST), int(Kind.TELEMETRY), int(Kind.REPLY)
+BROADCAST, TELEMETRY = int(Kind.BROADCAST), int(Kind.TELEMETRY)
+REQUEST, REPLY = int(Kind.REQUEST), int(Kind.REPLY)
 DELIVERED, OUT_OF_RANGE, TERRAIN, LOST = (
     int(Fate.DELIVERED), int(Fate.OUT_OF_RANGE), int(Fate.TERRAIN), int(Fate.LOST),
 )  # fmt: skip
@@ -133,20 +135,23 @@ def broadcast(m, r, now):
     robot, rules = robot_of(m, r), m.rules
     robot.last_broadcast = now
     degree = min(rules.out_degree, m.n_robots - 1)
-    best, clearances, count = scratch_of(m).found, scratch_of(m).distance, 0
+    scratch, count = scratch_of(m), 0
+    best, clearances, ways = scratch.found, scratch.distance, scratch.dx
     for other in range(m.n_robots):
         peer = robot_of(m, other)
         if other == r or peer.activity == FAILED:
             continue
-        clearance = link_between(m, r, other)
-        if clearance <= 0.0 or (count == degree and clearance <= clearances[count - 1]):
+        clearance, way = link_between(m, r, other), distance(peer.x - robot.x, peer.y - robot.y)
+        if clearance <= 0.0:
             continue
-        k = count if count < degree else degree - 1
-        while k > 0 and clearances[k - 1] < clearance:
-            best[k], clearances[k] = best[k - 1], clearances[k - 1]
+        k = count  # the best link first, among equals the nearest
+        while k > 0 and (clearances[k - 1] < clearance or (clearances[k - 1] == clearance and ways[k - 1] > way)):
+            if k < degree:
+                best[k], clearances[k], ways[k] = best[k - 1], clearances[k - 1], ways[k - 1]
             k -= 1
-        best[k], clearances[k] = other, clearance
-        count = min(count + 1, degree)
+        if k < degree:
+            best[k], clearances[k], ways[k] = other, clearance, way
+            count = min(count + 1, degree)
     if count == 0:
         finish(m, BROADCAST, attempt(m, BROADCAST, r, NOBODY, now), OUT_OF_RANGE, now)
     first = NOBODY
@@ -188,10 +193,14 @@ def serve_uplink(m, r, now):
         robot.tokens -= rules.message_bytes[kind]
         waiting.since = NEVER
         slot = transmit(m, kind, r, waiting.target, link_to_station(m, r), waiting.log, now)
-        if slot != NOBODY:
-            write_peer(m, message_at(m, slot).robot, r, now)
-            if kind == TELEMETRY:
-                freshest(m, r, True, rules.telemetry_records, message_at(m, slot))
+        if slot == NOBODY:
+            continue
+        message = message_at(m, slot)
+        if kind == TELEMETRY:
+            write_peer(m, message.robot, r, now)
+            freshest(m, r, True, rules.telemetry_records, message)
+        elif kind == REQUEST:
+            message.robot.request_time = robot.last_request
 
 
 @kernel
@@ -299,13 +308,18 @@ def choose_tip(m, r):
     """
     station = m.n_robots
     report = peer_of(m, station, r)
+    x, y = m.station_x, m.station_y  # where all robots start
+    if report.time >= 0.0:
+        x, y = report.x, report.y
     tip, nearest = NOBODY, 1e300
     for j in range(m.n_tasks):
         belief, task = belief_of(m, station, j), task_of(m, j)
-        changed = belief.status != 0 or belief.type != task.announced
-        if belief.time < 0.0 or not changed or belief.time <= tip_of(m, r, j).time:
+        ends = belief.status == DONE or belief.type != task.announced
+        if not ends and (belief.status == OPEN or report.task == j):
             continue
-        distance = -1.0 if report.task == j else (task.x - report.x) ** 2 + (task.y - report.y) ** 2
-        if distance < nearest:
-            tip, nearest = j, distance
+        if belief.time < 0.0 or belief.time <= tip_of(m, r, j).time:
+            continue
+        way = -1.0 if report.task == j else distance(task.x - x, task.y - y)
+        if way < nearest:
+            tip, nearest = j, way
     return tip

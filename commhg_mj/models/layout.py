@@ -17,7 +17,7 @@ PART = np.dtype(
     [("kind", "i4"), ("group", "i4"), ("x", "f8"), ("y", "f8"), ("a", "f8"), ("b", "f8"), ("angle", "f8"), ("height", "f8")]
 )
 SURFACE_NODES = 33  # a mountain's surface: heights on a square grid of this many nodes a side
-MARGIN = 0.03  # of the side: obstacles' centres and POIs keep off the border
+MARGIN = 0.03  # of the side: obstacles' centres keep off the border
 STATION_CLEARING = 0.09  # of the side: free of obstacles around the station, so that all robots fit in
 
 
@@ -106,16 +106,16 @@ def _row(n, spacing, y):
     return np.stack([(np.arange(n) - (n - 1) / 2) * spacing, np.full(n, y)], axis=-1)
 
 
-def _place(radius, station, others, side, rng):
+def _place(radius, inflation, station, others, side, rng):
     """A centre whose disc avoids the clearing and, as long as tries last, the discs (x, y, r) of `others`."""
-    centre = station
+    clearing, centre = STATION_CLEARING * side + inflation, station
     for attempt in range(400):
         centre = rng.uniform(MARGIN * side, (1 - MARGIN) * side, 2)
         patience = max(0.5, 1.0 - attempt / 400)
-        clear = np.linalg.norm(centre - station) > radius + STATION_CLEARING * side
+        clear = np.linalg.norm(centre - station) > radius + clearing
         if clear and all(np.hypot(*(centre - o[:2])) > patience * (radius + o[2]) for o in others):
             return centre
-    # Crowded: the farthest corner always clears the station.
+    # Crowded: a far corner clears the station.
     return np.array([MARGIN * side if centre[0] < side / 2 else (1 - MARGIN) * side, (1 - MARGIN) * side])
 
 
@@ -128,7 +128,7 @@ def _draw_mountains(scenario, station, rng):
     for i in range(len(parts)):
         stretch = rng.uniform(1.0, 1.3)
         radius = np.sqrt(areas[i] / np.pi)
-        x, y = _place(radius * stretch, station, placed, side, rng)
+        x, y = _place(radius * stretch, rules.ugv_radius, station, placed, side, rng)
         placed.append((x, y, radius * stretch))
         lowest, highest = rules.mountain_height
         height = np.clip(rng.uniform(0.7, 1.2) * radius, lowest, highest)
@@ -145,7 +145,7 @@ def _draw_forests(scenario, station, mountains, rng):
     for group in range(groups):
         # Discs of one forest overlap: 0.87 of the equal radius each leaves the union near the share.
         radius = 0.87 * np.sqrt(rules.forest_share * side**2 / groups / np.pi) * rng.uniform(0.85, 1.15)
-        x, y = _place(1.5 * radius, station, placed, side, rng)
+        x, y = _place(1.5 * radius, rules.ugv_radius, station, placed, side, rng)
         placed.append((x, y, 1.5 * radius))
         height = rng.uniform(*rules.canopy_height)
         discs.append((group, x, y, radius, height))

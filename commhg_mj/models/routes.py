@@ -18,7 +18,6 @@ CORNERS = 12  # of the polygon around an obstacle part
 GAP = 1e-3  # polygons stand off by this share, so that their own edges are clear
 DIRECT = -1  # next hop: straight to the goal
 TOUCH = 1e-4  # a leg may graze an ellipse by this share of its squared radius: room for rounding
-MAX_VISIBLE = 512  # corners that a query considers
 
 
 class Routes(NamedTuple):
@@ -33,7 +32,7 @@ class Routes(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """Room for one query at a time; n = MAX_VISIBLE + goals."""
+    """Room for one query at a time: first for its corners, behind them for its goals."""
 
     found: np.ndarray  # [n] i4 corners
     distance: np.ndarray  # [n] f8 m to them
@@ -42,9 +41,9 @@ class Scratch(NamedTuple):
     clearance: np.ndarray  # [n] f4
 
 
-def new_scratch(n_goals: int) -> Scratch:
-    """Scratch for queries of a world with that many goals."""
-    n = MAX_VISIBLE + n_goals
+def new_scratch(n_corners: int, n_goals: int) -> Scratch:
+    """Scratch for queries of a world; between queries 64 places at least are free for other use."""
+    n = n_corners + n_goals + 64
     return Scratch(np.empty(n, np.int32), np.empty(n), *(np.empty(n, np.float32) for _ in range(3)))
 
 
@@ -110,7 +109,7 @@ def find_visible(frames, corners, x, y, scratch):
     """
     candidates = 0
     for i in range(corners.shape[0]):
-        if candidates < MAX_VISIBLE and leaves_tangentially(corners, i, x, y):
+        if leaves_tangentially(corners, i, x, y):
             scratch.found[candidates] = i
             scratch.dx[candidates], scratch.dy[candidates] = corners[i, 0] - x, corners[i, 1] - y
             candidates += 1
@@ -205,7 +204,7 @@ class Roadmap:
 
     def __init__(self, parts, radius, side, root):
         self.frames, self.corners = obstacle_corners(parts, radius, side)
-        self._scratch = new_scratch(0)
+        self._scratch = new_scratch(len(self.corners), 0)
         n = len(self.corners)
         pairs = max(1, n * (n - 1) // 2)
         starts, ends, lengths = np.empty(pairs, np.int32), np.empty(pairs, np.int32), np.empty(pairs)
@@ -265,7 +264,7 @@ class Roadmap:
             next_hop=np.ascontiguousarray(hop, np.int16),
             between=np.full((g, g), np.inf, np.float32),
         )
-        measure_all(routes, np.flatnonzero(is_ground), routes.between, new_scratch(g))
+        measure_all(routes, np.flatnonzero(is_ground), routes.between, new_scratch(n, g))
         return routes
 
 
@@ -278,7 +277,7 @@ def find_path(routes: Routes, start, goal: int) -> np.ndarray:
     target = routes.goals[goal]
     if is_clear(routes.frames, start[0], start[1], target[0], target[1]):
         return np.array([start, target], float)
-    scratch = new_scratch(0)
+    scratch = new_scratch(len(routes.corners), 0)
     count = find_visible(routes.frames, routes.corners, start[0], start[1], scratch)
     length, corner = best_start(routes.to_goal, goal, scratch, count)
     if not np.isfinite(length):

@@ -14,14 +14,13 @@ from .warm import ensure_compiled
 
 class PolicyInfo(NamedTuple):
     make: Callable  # (MissionBatch) -> policy
-    is_privileged: bool  # reads the true state; an upper reference, marked as such everywhere
-    doc: str
+    is_privileged: bool  # reads the true state and communicates for free; marked as such everywhere
 
 
 POLICIES = {
-    "random": PolicyInfo(Random, False, "uniform over what the masks leave open"),
-    "greedy": PolicyInfo(Greedy, False, "best immediate estimated utility out of local records"),
-    "omniscient": PolicyInfo(Omniscient, True, "privileged reference: true state, free communication"),
+    "random": PolicyInfo(Random, False),
+    "greedy": PolicyInfo(Greedy, False),
+    "omniscient": PolicyInfo(Omniscient, True),
 }
 
 

@@ -10,7 +10,6 @@ from ..mission.observe import Observations
 from ..terms import IDLE, KEEP, NOBODY, REST, Activity, Session, Status
 from .schedule import follow_schedule
 
-IDLING, FAILED = int(Activity.IDLE), int(Activity.FAILED)
 SERVICING, RESTING, HELD = int(Activity.SERVICING), int(Session.REST), int(Session.HELD)
 SERVICED = int(Status.SERVICED)
 CLAIM_TRUST = 60.0  # s: a peer's claim or a report of service older than this is forgotten
@@ -70,7 +69,7 @@ def choose_robots(rules, observations, decisions):
         operator = observations.operators[i]
         if operator.session != RESTING and not operator.exempt:
             held = observations.operator_reports[i, operator.robot]
-            stale = held.age < 0.0 or held.age > operator.time - operator.since_bid
+            stale = held.age < 0.0 or held.age > operator.since_bid
             keeps = stale or operator.session != HELD or gain(rules, operator, held) > 0.0
             decisions.operator[i] = KEEP if keeps else REST
             continue
@@ -91,7 +90,7 @@ def choose_robots(rules, observations, decisions):
 @kernel
 def gain(rules, operator, report):
     """What control of a reported robot adds per second, 0 without a task."""
-    if report.task == NOBODY or report.activity == FAILED or report.activity == IDLING:
+    if report.task == NOBODY:
         return 0.0
     return control_gain(
         rules[0], operator.proficiency[report.embodiment], operator.fatigue, report.embodiment,

@@ -23,11 +23,11 @@ from ..mission.service import (
     controlled_success,
     timeliness,
 )  # fmt: skip
-from ..models.routes import MAX_VISIBLE, distance, measure_goals
+from ..models.routes import distance, measure_goals
 from ..terms import IDLE, NOBODY, REST, Activity, Embodiment, Mode, Session
 
 UGV, CONTROLLED = int(Embodiment.UGV), int(Mode.CONTROLLED)
-FAILED, SERVICING, IDLING = int(Activity.FAILED), int(Activity.SERVICING), int(Activity.IDLE)
+FAILED, SERVICING = int(Activity.FAILED), int(Activity.SERVICING)
 HELD = int(Session.HELD)
 WAITS = 0.9  # how sure a task that is left now is done after the backlog
 LOYALTY = 1.1  # a robot's present target counts this many times: assignments do not flicker
@@ -110,7 +110,7 @@ def expected_wait(m):
 def rate_robot(m, robot, backlog, worth):
     """Utilities of the open tasks to one robot on its way or idle."""
     scratch = scratch_of(m)
-    wanted, lengths = scratch.found[MAX_VISIBLE:], scratch.distance[MAX_VISIBLE:]
+    wanted, lengths = scratch.found[m.n_corners :], scratch.distance[m.n_corners :]
     count = 0
     for j in range(m.n_tasks):
         task = task_of(m, j)

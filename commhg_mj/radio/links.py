@@ -48,6 +48,6 @@ def robot_link(rules, frames, kinds, scratch, ax, ay, bx, by):
 
 
 @kernel
-def station_link(rules, x, y):
+def station_link(rules):
     """Robot-station link: as in the paper, without a range and without a terrain term."""
     return 1.0

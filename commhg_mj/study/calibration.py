@@ -12,6 +12,15 @@ from ..scenarios import SCENARIOS
 from .fly import fly
 from .statistics import Interval, mean_interval
 
+FLIGHTS = {  # label: policy, limitation, with operators
+    "random": ("random", "nominal", True),
+    "greedy": ("greedy", "nominal", True),
+    "greedy, low": ("greedy", "low", True),
+    "greedy, high": ("greedy", "high", True),
+    "greedy, no operators": ("greedy", "nominal", False),
+    "omniscient": ("omniscient", "nominal", True),
+    "omniscient, no operators": ("omniscient", "nominal", False),
+}
 FIRST_SEED = 10_000  # calibration missions; training and evaluation use others
 
 
@@ -33,17 +42,9 @@ def calibrate(name: str, n_missions=200, workers=1, advance: Callable[[int], Non
     """Fly the references of one scenario and hold its defaults against the rules; differences are paired."""
     scenario, seeds = SCENARIOS[name], range(FIRST_SEED, FIRST_SEED + n_missions)
     alone = dataclasses.replace(scenario, n_operators=0)
-    flights = {
-        "random": (scenario, "random", "nominal"),
-        "greedy": (scenario, "greedy", "nominal"),
-        "greedy, low": (scenario, "greedy", "low"),
-        "greedy, high": (scenario, "greedy", "high"),
-        "greedy, no operators": (alone, "greedy", "nominal"),
-        "omniscient": (scenario, "omniscient", "nominal"),
-        "omniscient, no operators": (alone, "omniscient", "nominal"),
-    }
     twcr = {}
-    for label, (variant, policy, limitation) in flights.items():
+    for label, (policy, limitation, has_operators) in FLIGHTS.items():
+        variant = scenario if has_operators else alone
         scores = fly(variant, policy, seeds, limitation=limitation, workers=workers, advance=advance)
         twcr[label] = np.array([score.twcr for score in scores])
     greedy, reference = twcr["greedy"], twcr["omniscient"]
@@ -58,9 +59,6 @@ def calibrate(name: str, n_missions=200, workers=1, advance: Callable[[int], Non
         Rule("from nominal to high limitation Greedy loses at least 0.03", limitation, limitation.mean >= 0.03),
     ]
     return Calibration(name, {label: mean_interval(values) for label, values in twcr.items()}, rules)
-
-
-N_FLIGHTS = 7  # sets of missions that one calibration flies
 
 
 def calibration_tables(results: list[Calibration], n_missions: int) -> list[Table]:

@@ -13,9 +13,10 @@ from ..scenarios import Scenario
 CHUNK = 16  # missions that one call flies side by side: memory and progress stay fine-grained
 
 
-def trace_path(folder, scenario: Scenario, policy: str, seed: int) -> Path:
-    """Where the trace of one mission goes."""
-    return Path(folder) / f"{scenario.name}-{policy}-{seed}.npz"
+def trace_path(folder, scenario: Scenario, policy: str, links: str, limitation: str, seed: int) -> Path:
+    """Where the trace of one mission goes; defaults stay out of its name."""
+    conditions = [word for word in (links, limitation) if word not in ("abstract", "nominal")]
+    return Path(folder) / ("-".join([scenario.name, policy, *conditions, str(seed)]) + ".npz")
 
 
 def fly(
@@ -59,5 +60,5 @@ def _fly_chunk(scenario, policy, seeds, links, limitation, out) -> list[Score]:
         observations = batch.step(act(observations))
     if out is not None:
         for trace in make_traces(batch, policy):
-            save_trace(trace, trace_path(out, scenario, policy, trace.seed))
+            save_trace(trace, trace_path(out, scenario, policy, links, limitation, trace.seed))
     return batch.scores()

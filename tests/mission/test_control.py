@@ -163,7 +163,9 @@ def test_rest_is_free_and_so_is_choosing_anew_before_a_bid_is_accepted():
 
 
 def test_leaving_a_robot_that_finished_its_task_is_no_switch():
-    pilot = Pilot(plain(switch_cost=0.5, service_base=1.0, service_per_difficulty=0.0, success_controlled=(1.0, 0.0, 0.0)))
+    pilot = Pilot(
+        plain(switch_cost=0.5, service_base=1.0, service_per_difficulty=0.0, success_controlled=(1.0, 0.0, 0.0))
+    )
     pilot.step(operators={0: 0}, robots={1: dict(task=IDLE)})
     pilot.wait_until(lambda: pilot.operators["exempt"][0] == 1)
     assert held(pilot) and np.sum(pilot.tasks["status"] == 2) == 1
@@ -172,7 +174,9 @@ def test_leaving_a_robot_that_finished_its_task_is_no_switch():
 
 
 def test_the_exemption_is_gone_once_the_operator_keeps_on():
-    pilot = Pilot(plain(switch_cost=0.5, service_base=1.0, service_per_difficulty=0.0, success_controlled=(1.0, 0.0, 0.0)))
+    pilot = Pilot(
+        plain(switch_cost=0.5, service_base=1.0, service_per_difficulty=0.0, success_controlled=(1.0, 0.0, 0.0))
+    )
     pilot.step(operators={0: 0}, robots={1: dict(task=IDLE)})
     pilot.wait_until(lambda: pilot.operators["exempt"][0] == 1)
     pilot.step(operators={0: KEEP}, robots={0: dict(task=int(np.flatnonzero(pilot.tasks["status"] == 0)[0]))})

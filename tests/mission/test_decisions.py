@@ -132,7 +132,10 @@ def test_any_masked_choice_is_refused_and_changes_nothing(scenario, seed, limita
         (dict(scenario="small", seeds=[True]), "seed must be a whole number .* is True"),
         (dict(scenario="small", seeds=[1.5]), "seed must be a whole number .* is 1.5"),
         (dict(scenario="small", seeds=[1], links="wired"), "unknown link model 'wired': use abstract"),
-        (dict(scenario="small", seeds=[1], limitation="extreme"), "unknown limitation 'extreme': use nominal, low, high"),
+        (
+            dict(scenario="small", seeds=[1], limitation="extreme"),
+            "unknown limitation 'extreme': use nominal, low, high",
+        ),
     ],
 )
 def test_impossible_batches_are_refused_by_name(arguments, match):

@@ -82,7 +82,9 @@ def test_everything_known_was_true_at_its_evidence_time(scenario, seed, limitati
 
 def test_a_medium_mission_spreads_true_evidence_of_every_kind():
     """The same on a named mission, with proof that there was something to compare."""
-    scenario = change(SCENARIOS["medium"], robot_period=1, operator_period=1, n_tasks=24, time_limit=200, map_side=500.0)
+    scenario = change(
+        SCENARIOS["medium"], robot_period=1, operator_period=1, n_tasks=24, time_limit=200, map_side=500.0
+    )
     historian = Historian()
     batch = fly(WatchedBatch(scenario, [4], watch=historian), Wanderer(0, 0.02))
     beliefs, known = batch.state.beliefs[0], batch.state.beliefs[0]["time"] >= 0

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from flying import Wanderer, WatchedBatch, copied, fly, flown
+from flying import Wanderer, WatchedBatch, copied, flown, fly
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from strategies import change, limitations, link_models, scenarios, seeds
@@ -123,7 +123,9 @@ class Auditor:
     @staticmethod
     def check_terminal(old, new):
         assert np.all(new.tasks["status"][old.tasks["status"] == Status.DONE] == Status.DONE)
-        assert np.all(new.tasks["done_at"][old.tasks["done_at"] >= 0] == old.tasks["done_at"][old.tasks["done_at"] >= 0])
+        assert np.all(
+            new.tasks["done_at"][old.tasks["done_at"] >= 0] == old.tasks["done_at"][old.tasks["done_at"] >= 0]
+        )
         was_done = (old.beliefs["status"] == Status.DONE) & (old.beliefs["time"] >= 0)
         assert np.all(new.beliefs["status"][was_done] == Status.DONE), "completion is terminal"
         for name in ("beliefs", "peers", "resources", "tips"):
@@ -229,7 +231,9 @@ def test_robots_move_at_their_speed_and_failed_ones_not_at_all(scenario, seed):
     slow, fast = (np.where(ground, pair[1], pair[0]) for pair in (rules.autonomous_speed, rules.controlled_speed))
     # A mode ends or begins between two rows: only rows of one mode tell the speed.
     controlled = log["mode"] == Mode.CONTROLLED
-    limit = np.where(controlled[1:] & controlled[:-1], fast, np.where(controlled[1:] | controlled[:-1], np.maximum(slow, fast), slow))
+    limit = np.where(
+        controlled[1:] & controlled[:-1], fast, np.where(controlled[1:] | controlled[:-1], np.maximum(slow, fast), slow)
+    )
     assert np.all(step <= limit * (1 + 1e-5) + 1e-2)
     failed = log["activity"] == Activity.FAILED
     assert np.all(step[failed[1:] & failed[:-1]] == 0) and np.all(failed[1:] >= failed[:-1])

@@ -125,7 +125,10 @@ def test_policies_meet_the_same_malfunctions():
     for seed in range(4):
         one, other = two_policies(scenario, seed)
         ends = min(one.time[0], other.time[0])
-        a, b = (np.where(batch.state.robots["failed_at"][0] < ends, batch.state.robots["failed_at"][0], -1) for batch in (one, other))
+        a, b = (
+            np.where(batch.state.robots["failed_at"][0] < ends, batch.state.robots["failed_at"][0], -1)
+            for batch in (one, other)
+        )
         assert np.array_equal(a, b) and np.any(a >= 0)
 
 
@@ -152,7 +155,9 @@ def messages_of(batch):
 
 
 def test_policies_meet_the_same_packet_fates():
-    scenario = change(SCENARIOS["medium"], malfunction=0.0, time_limit=300, map_side=400.0, forest_share=0.0, mountain_share=0.0)
+    scenario = change(
+        SCENARIOS["medium"], malfunction=0.0, time_limit=300, map_side=400.0, forest_share=0.0, mountain_share=0.0
+    )
     common = 0
     for seed in range(4):
         one, other = (messages_of(batch) for batch in two_policies(scenario, seed, record=True))
@@ -171,7 +176,8 @@ def test_levels_of_limitation_use_the_same_draws():
     lost = 0
     for seed in range(4):
         nominal, low, high = (
-            messages_of(flown(scenario, [seed], Wanderer(1), limitation=level, record=True)) for level in ("nominal", "low", "high")
+            messages_of(flown(scenario, [seed], Wanderer(1), limitation=level, record=True))
+            for level in ("nominal", "low", "high")
         )
         for mild, harsh in ((nominal, low), (low, high)):
             for packet in mild.keys() & harsh.keys():

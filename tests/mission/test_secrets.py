@@ -13,8 +13,32 @@ from commhg_mj.policies import POLICIES, prepare
 from commhg_mj.terms import NOBODY, Activity
 
 PUBLIC = ["x", "y", "announced", "difficulty", "value", "deadline", "decay"]  # of released tasks
-HIDDEN = ["reward", "tick_reward", "pending_value", "total_value", "switches", "incompatibles", "conflicts", "refusals", "messages", "seed"]
-ARRAYS = ("robots", "operators", "tasks", "beliefs", "peers", "inboxes", "resources", "tips", "uplinks", "downlinks", "air", "counters")
+HIDDEN = [
+    "reward",
+    "tick_reward",
+    "pending_value",
+    "total_value",
+    "switches",
+    "incompatibles",
+    "conflicts",
+    "refusals",
+    "messages",
+    "seed",
+]
+ARRAYS = (
+    "robots",
+    "operators",
+    "tasks",
+    "beliefs",
+    "peers",
+    "inboxes",
+    "resources",
+    "tips",
+    "uplinks",
+    "downlinks",
+    "air",
+    "counters",
+)
 
 
 def overwrite(state, source):

@@ -12,7 +12,9 @@ from commhg_mj.terms import IDLE, KEEP, NOBODY, Activity, Mode, Status, TaskType
 
 def alone(**fields):
     """One UAV, one task due north of it."""
-    pilot = Pilot(plain(**(dict(n_uav=1, n_operators=0, n_tasks=1, difficulty=(0.5, 0.5), sensing_radius=0.02) | fields)))
+    pilot = Pilot(
+        plain(**(dict(n_uav=1, n_operators=0, n_tasks=1, difficulty=(0.5, 0.5), sensing_radius=0.02) | fields))
+    )
     return pilot
 
 
@@ -57,8 +59,8 @@ def test_progress_of_a_task_that_is_left_stays():
 @pytest.mark.parametrize("difficulty, expected", [(0.0, 0.9), (1.0, 0.4)])
 def test_success_comes_as_often_as_difficulty_says(difficulty, expected):
     scenario = plain(
-        n_uav=1, n_operators=0, n_tasks=1, difficulty=(difficulty, difficulty), service_base=1.0, service_per_difficulty=0.0,
-        success_autonomous=(0.9, 0.5), autonomous_speed=(1000.0, 1000.0), time_limit=30,
+        n_uav=1, n_operators=0, n_tasks=1, difficulty=(difficulty, difficulty), service_base=1.0,
+        service_per_difficulty=0.0, success_autonomous=(0.9, 0.5), autonomous_speed=(1000.0, 1000.0), time_limit=30,
     )  # fmt: skip
     n = 600
     batch = MissionBatch(scenario, range(n))
@@ -76,8 +78,8 @@ def test_control_and_fatigue_change_the_odds_of_success():
     def share(fatigue, n=500):
         scenario = plain(
             n_uav=1, n_tasks=1, difficulty=(1.0, 1.0), service_base=60.0, service_per_difficulty=0.0, handover=0.0,
-            success_autonomous=(0.5, 0.0), success_controlled=(0.9, 0.2, 0.4), fatigue_rate=0.0, recovery_rate=0.0, time_limit=70,
-            autonomous_speed=(1000.0, 1000.0), fatigue_slowdown=0.0, generalist=(1.0, 1.0),
+            success_autonomous=(0.5, 0.0), success_controlled=(0.9, 0.2, 0.4), fatigue_rate=0.0, recovery_rate=0.0,
+            time_limit=70, autonomous_speed=(1000.0, 1000.0), fatigue_slowdown=0.0, generalist=(1.0, 1.0),
         )  # fmt: skip
         batch = MissionBatch(scenario, range(n))
         batch.state.operators["fatigue"] = fatigue
@@ -173,7 +175,15 @@ def test_a_first_target_is_prescribed_until_it_ends_or_time_runs_out():
     row, tasks = pilot.batch.observations.robots[0], pilot.batch.observations.robot_tasks[0]
     assert row["prescribed"] == 0 and row["can_idle"] == 1 and tasks["legal"].sum() == 3
     assert pilot.robots["task"][0] == first
-    pilot = Pilot(plain(initial_phase=1.0, n_operators=0, service_base=1.0, service_per_difficulty=0.0, success_autonomous=(1.0, 0.0)))
+    pilot = Pilot(
+        plain(
+            initial_phase=1.0,
+            n_operators=0,
+            service_base=1.0,
+            service_per_difficulty=0.0,
+            success_autonomous=(1.0, 0.0),
+        )
+    )
     pilot.wait_until(lambda: pilot.robots["task"][0] == NOBODY)
     assert pilot.robots["prescribed"][0] == 0
 

@@ -83,7 +83,9 @@ def test_what_expired_is_never_sent_and_costs_nothing():
     pilot.robots["tokens"] = 31.0
     pilot.step(robots={0: dict(query=0)}).wait(5)
     assert fates(pilot, Kind.QUERY) == {Fate.EXPIRED: 1}
-    assert count(pilot, Kind.QUERY)["sent"] == count(pilot, Kind.QUERY)["bytes"] == 0 and pilot.robots["tokens"][0] == 31
+    assert (
+        count(pilot, Kind.QUERY)["sent"] == count(pilot, Kind.QUERY)["bytes"] == 0 and pilot.robots["tokens"][0] == 31
+    )
 
 
 def test_new_telemetry_supersedes_what_still_waits():
@@ -153,8 +155,10 @@ def test_a_broadcast_reaches_the_best_neighbours_in_range_and_no_more():
 
 
 def test_the_best_neighbours_are_those_with_the_least_terrain_between():
-    scenario = change(SCENARIOS["medium"], n_uav=8, n_ugv=0, malfunction=0.0, unavailable_or_delayed=(0.0, 0.0, 0.0), out_degree=2,
-                      range=(2.0, 2.0, 2.0), robot_period=1, initial_phase=0.0, forest_decay=1e4, mountain_decay=1e4)  # fmt: skip
+    scenario = change(
+        SCENARIOS["medium"], n_uav=8, n_ugv=0, malfunction=0.0, unavailable_or_delayed=(0.0, 0.0, 0.0), out_degree=2,
+        range=(2.0, 2.0, 2.0), robot_period=1, initial_phase=0.0, forest_decay=1e4, mountain_decay=1e4,
+    )  # fmt: skip
     pilot = Pilot(scenario, seed=3, record=True)
     rng = np.random.default_rng(0)
     places = rng.uniform(0, 1000, (8, 2))
@@ -314,7 +318,14 @@ def test_telemetry_carries_sensed_records_only():
 
 def test_losses_and_delays_come_in_equal_shares_of_the_limitation_level():
     for limitation, share in (("nominal", 0.1), ("low", 0.2), ("high", 0.3)):
-        scenario = plain(n_uav=8, unavailable_or_delayed=(0.1, 0.2, 0.3), robot_period=1, time_limit=250, map_side=200.0, range=(2.0,) * 3)
+        scenario = plain(
+            n_uav=8,
+            unavailable_or_delayed=(0.1, 0.2, 0.3),
+            robot_period=1,
+            time_limit=250,
+            map_side=200.0,
+            range=(2.0,) * 3,
+        )
         batch = flown(scenario, range(4), Wanderer(0), limitation=limitation, record=True)
         counters = batch.state.counters
         n, lost, late = counters["sent"].sum(), counters["fate"][..., Fate.LOST].sum(), counters["late"].sum()
@@ -329,11 +340,11 @@ def test_losses_and_delays_come_in_equal_shares_of_the_limitation_level():
 def test_terrain_loses_the_share_that_the_metres_say():
     """Two robots on both sides of a forest: the share of packets that pass is exp(-metres / l)."""
     scenario = change(
-        SCENARIOS["small"], n_uav=2, n_ugv=0, n_operators=0, malfunction=0.0, robot_period=1, initial_phase=0.0, range=(2.0,) * 3,
-        time_limit=500, mountain_share=0.0, forest_share=0.2, n_forests=3,
+        SCENARIOS["small"], n_uav=2, n_ugv=0, n_operators=0, malfunction=0.0, robot_period=1, initial_phase=0.0,
+        range=(2.0,) * 3, time_limit=500, mountain_share=0.0, forest_share=0.2, n_forests=3,
     )  # fmt: skip
     batch = MissionBatch(scenario, range(12))
-    metres, passed, sent, blocked = [], [], [], []
+    metres = []
     rng = np.random.default_rng(1)
     for e, world in enumerate(batch.worlds):
         a, b = rng.uniform(0, 500, (2, 2))
@@ -363,7 +374,9 @@ def test_station_links_know_neither_range_nor_terrain():
 
 
 def test_perfect_links_lose_and_wait_for_nothing_but_the_limitation_level():
-    scenario = plain(refill=0.0, bucket=192.0, map_side=5000.0, unavailable_or_delayed=(0.0, 0.0, 0.0), forest_share=0.2)
+    scenario = plain(
+        refill=0.0, bucket=192.0, map_side=5000.0, unavailable_or_delayed=(0.0, 0.0, 0.0), forest_share=0.2
+    )
     pilot = Pilot(scenario, links="perfect")
     pilot.robots["x"], pilot.robots["y"] = [0, 5000], [0, 5000]
     for _ in range(20):

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from strategies import change
 
@@ -32,8 +32,18 @@ terrains = st.builds(
 )
 
 
+def crowded(map_side, **fields):
+    """A small map full of obstacles."""
+    full = dict(forest_share=0.25, mountain_share=0.3, n_forests=7, n_mountains=1, n_uav=32, n_ugv=32)
+    return full | dict(map_side=map_side) | fields
+
+
 @settings(max_examples=40)
 @given(terrains, st.integers(0, 10**6))
+@example(crowded(50.0, n_forests=64), 0)
+@example(crowded(50.0, n_forests=64), 1)
+@example(crowded(120.0, n_mountains=32), 2)
+@example(crowded(120.0, n_mountains=32), 3)
 def test_robots_and_station_stand_on_free_ground_within_the_map(terrain, seed):
     scenario = change(SCENARIOS["medium"], **terrain)
     layout = layout_of(scenario, seed)
@@ -90,7 +100,13 @@ def test_ground_height_is_the_surface_at_nodes_and_zero_on_the_plain(seed):
 def test_ground_height_is_continuous():
     layout = layout_of(SCENARIOS["large"], 1)
     part = layout.mountains[0]
-    line = np.stack([np.linspace(part["x"] - 1.2 * part["a"], part["x"] + 1.2 * part["a"], 20_001), np.full(20_001, part["y"] + 3.0)], -1)
+    line = np.stack(
+        [
+            np.linspace(part["x"] - 1.2 * part["a"], part["x"] + 1.2 * part["a"], 20_001),
+            np.full(20_001, part["y"] + 3.0),
+        ],
+        -1,
+    )
     step = line[1, 0] - line[0, 0]
     assert np.abs(np.diff(layout.ground_height(line))).max() < 15 * step
 
@@ -107,7 +123,9 @@ def test_parts_are_ordered_rounded_and_of_their_kind(terrain, seed):
     scenario = change(SCENARIOS["medium"], **terrain)
     layout = layout_of(scenario, seed)
     rules, parts = scenario.world, layout.parts
-    assert np.all(np.diff(parts["kind"]) <= 0) or np.array_equal(parts, np.concatenate([layout.mountains, layout.forests]))
+    assert np.all(np.diff(parts["kind"]) <= 0) or np.array_equal(
+        parts, np.concatenate([layout.mountains, layout.forests])
+    )
     assert len(layout.mountains) == len(layout.surfaces) == (rules.n_mountains if rules.mountain_share > 0 else 0)
     forests = layout.forests
     assert len(np.unique(forests["group"])) == (rules.n_forests if rules.forest_share > 0 else 0)

@@ -89,7 +89,9 @@ def fine_lengths(world, start, tasks, corners=40):
     lengths = np.hypot(*delta.transpose(2, 0, 1))
     blocked = np.zeros(lengths.shape, bool)
     for x, y, m00, m01, m10, m11 in frames:
-        p = np.stack([m00 * (nodes[:, 0] - x) + m01 * (nodes[:, 1] - y), m10 * (nodes[:, 0] - x) + m11 * (nodes[:, 1] - y)], -1)
+        p = np.stack(
+            [m00 * (nodes[:, 0] - x) + m01 * (nodes[:, 1] - y), m10 * (nodes[:, 0] - x) + m11 * (nodes[:, 1] - y)], -1
+        )
         d = p[None] - p[:, None]
         along = -np.einsum("ik,ijk->ij", p, d) / np.maximum(1e-12, np.einsum("ijk,ijk->ij", d, d))
         closest = p[:, None] + np.clip(along, 0, 1)[..., None] * d
@@ -122,7 +124,13 @@ def test_uav_only_tasks_on_obstacles_have_no_ground_route():
 def test_crowded_worlds_have_true_routes():
     """As many obstacles as a scenario may have: more corners in sight than one query considers by default."""
     scenario = change(
-        SCENARIOS["large"], n_forests=64, n_mountains=32, forest_share=0.15, mountain_share=0.05, n_tasks=60, poi_spacing=0.005
+        SCENARIOS["large"],
+        n_forests=64,
+        n_mountains=32,
+        forest_share=0.15,
+        mountain_share=0.05,
+        n_tasks=60,
+        poi_spacing=0.005,
     )
     for seed in range(3):
         world = make_world(scenario, seed)

@@ -1,6 +1,7 @@
 """Greedy and its fixed communication schedule."""
 
 import numpy as np
+import pytest
 from flying import Pilot, copied, plain
 
 from commhg_mj.mission.batch import MissionBatch
@@ -28,21 +29,26 @@ def set_tasks(seen, r=0, **fields):
     return rows
 
 
-def alike(seen, r=0):
+def alike(seen, r=0, difficulty=0.1):
     """Four tasks that differ in nothing yet."""
-    return set_tasks(seen, r, distance=100.0, value=1.0, difficulty=0.5, deadline=500.0, decay=100.0, legal=1, status=0,
-                     claimed_by=NOBODY)  # fmt: skip
+    return set_tasks(
+        seen, r, distance=100.0, value=1.0, difficulty=difficulty, deadline=500.0, decay=100.0, legal=1, status=0,
+        claimed_by=NOBODY,
+    )  # fmt: skip
 
 
-def test_greedy_prefers_the_near_the_valuable_the_easy_and_what_is_in_time():
-    for field, good, bad in (("distance", 50, 400), ("value", 3, 1), ("difficulty", 0.1, 0.9), ("deadline", 900, 5)):
-        for best in (0, 3):
-            pilot, greedy = idle_team(n_operators=0)
-            seen = pilot.batch.observations
-            rows = alike(seen)
-            rows[field] = bad
-            rows[field][best] = good
-            assert choice(greedy, seen) == best, field
+@pytest.mark.parametrize("difficulty", [0.1, 0.6])
+@pytest.mark.parametrize(
+    "field, good, bad", [("distance", 50, 400), ("value", 3, 1), ("difficulty", 0.05, 0.9), ("deadline", 900, 5)]
+)
+def test_greedy_prefers_the_near_the_valuable_the_easy_and_what_is_in_time(field, good, bad, difficulty):
+    for best in (0, 3):
+        pilot, greedy = idle_team(n_operators=0)
+        seen = pilot.batch.observations
+        rows = alike(seen, difficulty=difficulty)
+        rows[field] = bad
+        rows[field][best] = good
+        assert choice(greedy, seen) == best
 
 
 def test_greedy_leaves_masked_claimed_and_serviced_tasks_alone():
@@ -97,7 +103,9 @@ def test_greedy_decides_the_same_on_equal_observations_and_leaves_them_alone():
 
 
 def test_the_schedule_broadcasts_every_period_asks_nothing_and_requests_help_on_hard_tasks():
-    pilot = Pilot(plain(n_operators=1, robot_period=1, service_base=200.0, difficulty=(0.0, 1.0), n_tasks=12, time_limit=200))
+    pilot = Pilot(
+        plain(n_operators=1, robot_period=1, service_base=100.0, difficulty=(0.9, 0.9), n_tasks=12, time_limit=250)
+    )
     batch, greedy = pilot.batch, Greedy(pilot.batch)
     spoke, asked = {}, {}
     while not batch.over[0]:

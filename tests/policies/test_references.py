@@ -20,7 +20,9 @@ def test_random_is_uniform_over_open_choices():
     for query in (NOBODY, 0, 1):
         assert abs(np.mean(decisions.query == query) - 1 / 3) < 4 * np.sqrt(0.25 / n)
     silent = decisions.query == NOBODY
-    assert not decisions.assist[~silent].any() and abs(decisions.assist[silent].mean() - 0.5) < 5 * np.sqrt(0.25 * 3 / n)
+    assert not decisions.assist[~silent].any() and abs(decisions.assist[silent].mean() - 0.5) < 5 * np.sqrt(
+        0.25 * 3 / n
+    )
     assert not decisions.broadcast.any(), "there is nobody to hear it"
     for choice in (REST, 0):
         assert abs(np.mean(decisions.operator == choice) - 1 / 2) < 4 * np.sqrt(0.25 / n)

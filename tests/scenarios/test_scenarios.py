@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from strategies import scenarios
 
+from commhg_mj.models.world import make_world
 from commhg_mj.scenarios import (
     LIMITATIONS,
     SCENARIOS,
@@ -47,37 +48,42 @@ def like(default, item):
     return [item] * len(default) if isinstance(default, tuple) else item
 
 
+NO_NUMBERS = [-1, -0.5, 1e300, 10**400, math.nan, math.inf, -math.inf, True, "3", None, [], {}, [1, [2]]]
+
+
 @pytest.mark.parametrize("name", NUMBERS)
-@pytest.mark.parametrize("item", [-1, -0.5, 1e300, 10**400, math.nan, math.inf, -math.inf, True, "3", None, [], {}, [1, [2]]])
-def test_no_field_takes_what_is_not_a_number_in_its_bounds(name, item):
-    refused(name, like(field_of(name).default, item))
+def test_no_field_takes_what_is_not_a_number_in_its_bounds(name):
+    for item in NO_NUMBERS:
+        refused(name, like(field_of(name).default, item))
 
 
-@pytest.mark.parametrize("name", [name for name in NUMBERS if isinstance(field_of(name).default, tuple)])
-def test_lists_need_their_length(name):
+@pytest.mark.parametrize("name", NUMBERS)
+def test_lists_need_their_length_and_counts_are_whole(name):
     default = field_of(name).default
-    refused(name, default[0])
-    refused(name, [])
-    if name != "tasks.values":
-        refused(name, list(default[:-1]), "must hold")
-        refused(name, [*default, default[-1]], "must hold")
-
-
-@pytest.mark.parametrize("name", [name for name in NUMBERS if not isinstance(field_of(name).default, tuple)])
-def test_single_numbers_are_no_lists(name):
-    refused(name, [field_of(name).default])
-
-
-@pytest.mark.parametrize("name", [name for name in NUMBERS if isinstance(field_of(name).default, int)])
-def test_counts_are_whole(name):
-    refused(name, field_of(name).default + 0.5)
+    if not isinstance(default, tuple):
+        refused(name, [default])
+    else:
+        refused(name, default[0])
+        refused(name, [])
+        if name != "tasks.values":
+            refused(name, list(default[:-1]), "must hold")
+            refused(name, [*default, default[-1]], "must hold")
+    if isinstance(default, int):
+        refused(name, default + 0.5)
 
 
 @pytest.mark.parametrize(
     "name",
-    ["world.canopy_height", "world.mountain_height", "tasks.difficulty", "tasks.deadline", "tasks.decay", "operators.capacity",
-     "communication.late_delay"],
-)  # fmt: skip
+    [
+        "world.canopy_height",
+        "world.mountain_height",
+        "tasks.difficulty",
+        "tasks.deadline",
+        "tasks.decay",
+        "operators.capacity",
+        "communication.late_delay",
+    ],
+)
 def test_ranges_are_not_reversed(name):
     low, high = field_of(name).default
     refused(name, [high, low], "lower end")
@@ -117,7 +123,7 @@ def test_type_shares_sum_to_one():
         ({"robots": []}, "robots must be a table"),
         ({"base": "huge"}, "base must be one of small, medium, large"),
         ({"base": 3}, "base must be one of"),
-        ({"name": 3}, "name must be a string"),
+        ({"name": 3}, "name must be"),
     ],
 )
 def test_unknown_fields_and_tables_are_refused_by_name(table, match):
@@ -197,7 +203,9 @@ def test_scenarios_cannot_be_changed_in_place():
 
 
 def test_the_papers_numbers():
-    sides = {name: (s.map_side, s.n_tasks, s.time_limit, s.n_uav, s.n_ugv, s.n_operators) for name, s in SCENARIOS.items()}
+    sides = {
+        name: (s.map_side, s.n_tasks, s.time_limit, s.n_uav, s.n_ugv, s.n_operators) for name, s in SCENARIOS.items()
+    }
     assert sides == {
         "small": (500, 22, 600, 2, 2, 2), "medium": (1000, 56, 1200, 4, 4, 3), "large": (2000, 112, 2400, 8, 8, 6),
     }  # fmt: skip
@@ -205,7 +213,8 @@ def test_the_papers_numbers():
     for scenario in SCENARIOS.values():
         robots, operators, radio = scenario.robots, scenario.operators, scenario.communication
         assert robots.autonomous_speed == (18, 5) and robots.controlled_speed == (25, 8)
-        assert (operators.generalist, operators.uav_specialist, operators.ugv_specialist) == ((0.9, 0.9), (0.65, 1.2), (1.2, 0.65))
+        profiles = operators.generalist, operators.uav_specialist, operators.ugv_specialist
+        assert profiles == ((0.9, 0.9), (0.65, 1.2), (1.2, 0.65))
         assert radio.unavailable_or_delayed == (0.1, 0.2, 0.3) and radio.range[0] == 0.3 and radio.out_degree == 4
         assert (radio.bucket, radio.query_bytes, radio.time_to_live) == (192, 32, 24)
         assert scenario.reward.pending == 0.01 and scenario.tasks.values == (1, 2, 3)
@@ -213,8 +222,6 @@ def test_the_papers_numbers():
 
 def test_shares_that_sum_to_one_almost_exactly_can_be_drawn():
     """What validation lets pass, a world must take."""
-    from commhg_mj.models.world import make_world
-
     third = 0.3333333
     scenario = dataclasses.replace(SCENARIOS["small"], tasks=TaskRules(type_shares=(third, third, third)))
     assert len(make_world(scenario, 0).pois) == 22

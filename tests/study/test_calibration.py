@@ -1,0 +1,85 @@
+"""The calibration rules: what is flown, and what is judged."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from commhg_mj.scenarios import SCENARIOS, from_dict
+from commhg_mj.study import calibration
+from commhg_mj.study.calibration import FIRST_SEED, FLIGHTS, calibrate, calibration_tables
+
+GOOD = {
+    "random": 0.2, "greedy": 0.6, "greedy high": 0.5, "greedy low": 0.55, "greedy alone": 0.5,
+    "omniscient": 0.8, "omniscient alone": 0.7,
+}  # fmt: skip
+
+
+@pytest.fixture
+def flown(monkeypatch):
+    """Pretend that every mission ends with a given TWCR; collects what was asked for."""
+    calls, levels = [], dict(GOOD)
+
+    def fly(scenario, policy, seeds, links="abstract", limitation="nominal", out=None, workers=1, advance=None):
+        suffix = " alone" if scenario.n_operators == 0 else f" {limitation}" if limitation != "nominal" else ""
+        calls.append((scenario, policy, tuple(seeds), limitation))
+        advance(len(seeds))
+        return [SimpleNamespace(twcr=levels[policy + suffix] + 0.01 * (-1) ** seed) for seed in seeds]
+
+    monkeypatch.setattr(calibration, "fly", fly)
+    return SimpleNamespace(calls=calls, levels=levels)
+
+
+def test_all_references_fly_the_same_missions(flown):
+    ended = []
+    result = calibrate("small", 4, advance=ended.append)
+    assert len(flown.calls) == len(FLIGHTS) == len(result.twcr) and sum(ended) == 4 * len(FLIGHTS)
+    assert {seeds for *_, seeds, _ in flown.calls} == {tuple(range(FIRST_SEED, FIRST_SEED + 4))}
+    assert sum(scenario.n_operators == 0 for scenario, *_ in flown.calls) == 2
+    assert {scenario.name for scenario, *_ in flown.calls} == {SCENARIOS["small"].name}
+    assert result.scenario == "small"
+    for label, level in (("random", 0.2), ("greedy, high", 0.5), ("omniscient, no operators", 0.7)):
+        assert result.twcr[label].mean == pytest.approx(level)
+
+
+@pytest.mark.parametrize(
+    "changes, broken",
+    [
+        ({}, []),
+        ({"greedy": 0.44, "greedy high": 0.3}, [0]),
+        ({"greedy": 0.71, "omniscient": 0.9}, [0]),
+        ({"omniscient": 0.74, "omniscient alone": 0.6}, [1]),
+        ({"omniscient alone": 0.76}, [2]),
+        ({"greedy high": 0.58}, [3]),
+    ],
+)
+def test_the_rules(flown, changes, broken):
+    flown.levels.update(changes)
+    result = calibrate("medium", 4)
+    assert [i for i, rule in enumerate(result.rules) if not rule.holds] == broken
+
+
+def test_differences_are_paired(flown):
+    """What all missions share cancels: the interval of a constant difference is a point."""
+    gap = calibrate("small", 6).rules[1].measured
+    assert (gap.low, gap.high) == pytest.approx((gap.mean, gap.mean)) and gap.mean == pytest.approx(0.2)
+
+
+def test_tables_hold_every_flight_and_verdict(flown):
+    flown.levels["greedy high"] = 0.59
+    results = [calibrate(name, 2) for name in SCENARIOS]
+    figures, rules = calibration_tables(results, 2)
+    assert [column.header for column in figures.columns][1:] == list(SCENARIOS)
+    assert list(figures.columns[0].cells) == list(results[0].twcr)
+    for result, column in zip(results, rules.columns[1:]):
+        verdicts = list(column.cells)
+        assert [cell.split(":")[0] for cell in verdicts] == ["holds", "holds", "holds", "BROKEN"]
+        assert all(str(rule.measured) in cell for rule, cell in zip(result.rules, verdicts))
+
+
+def test_it_really_flies(monkeypatch):
+    tiny = from_dict({"base": "small", "name": "tiny", "n_tasks": 4, "time_limit": 40})
+    monkeypatch.setitem(SCENARIOS, "small", tiny)
+    result = calibrate("small", 3)
+    assert all(0 <= interval.low <= interval.mean <= interval.high <= 1 for interval in result.twcr.values())
+    assert all(np.isfinite(rule.measured).all() for rule in result.rules)

@@ -1,0 +1,446 @@
+"""The command line: what each command does, and what bad input gets (exit code 2, one line, nothing half-written)."""
+
+import io
+import json
+import os
+import signal
+import subprocess
+import sys
+import zipfile
+
+import av
+import cv2
+import mujoco
+import numpy as np
+import pytest
+
+from commhg_mj import POLICIES, SCENARIOS, load_scenario, load_trace
+from commhg_mj.cli import main
+from commhg_mj.policies import ensure_compiled
+from commhg_mj.render import film
+from commhg_mj.scenarios import describe
+from commhg_mj.study import bench, fly
+from commhg_mj.terms import Fate, Kind
+
+TINY = 'base = "small"\nname = "tiny"\nn_tasks = 4\ntime_limit = 30\n'
+
+
+@pytest.fixture(scope="module", autouse=True)
+def compiled():
+    """The announcement of a first start belongs to no test."""
+    ensure_compiled(POLICIES.values())
+
+
+@pytest.fixture(scope="module")
+def tiny(tmp_path_factory):
+    path = tmp_path_factory.mktemp("scenario") / "tiny.toml"
+    path.write_text(TINY)
+    return path
+
+
+@pytest.fixture(scope="module")
+def trace(tiny, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("traces")
+    assert main(["run", "--scenario", str(tiny), "--out", str(folder), "--json"]) == 0
+    return folder / "tiny-greedy-0.npz"
+
+
+@pytest.fixture
+def run(capsys, tmp_path, monkeypatch):
+    """Run a command in an empty folder: (exit code, standard output, standard error)."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*arguments):
+        capsys.readouterr()
+        code = main([str(argument) for argument in arguments])
+        return code, *capsys.readouterr()
+
+    return run
+
+
+@pytest.fixture
+def refused(run, tmp_path):
+    """Run a command that must be refused; returns its one line."""
+
+    def refused(*arguments):
+        before = sorted(tmp_path.rglob("*"))
+        code, out, err = run(*arguments)
+        assert (code, out) == (2, "")
+        assert err.startswith("commhg-mj: ") and err.count("\n") == 1 and err.endswith("\n"), err
+        assert sorted(tmp_path.rglob("*")) == before, "something was left behind"
+        return err
+
+    return refused
+
+
+def test_run_prints_a_table(run, tiny, tmp_path):
+    code, out, err = run("run", "--scenario", tiny, "--missions", 2)
+    assert (code, err) == (0, "")
+    rows = ["TWCR", "95 %", "completed", "on time", "control time", "fatigue", "malfunctions", "bytes", "age of"]
+    for word in ["tiny", "greedy", "nominal", *rows, *(name.lower() for name in Kind.__members__)]:
+        assert word in out, word
+    for fate in Fate.__members__:
+        assert fate.lower().replace("_", " ") in out, fate
+    assert not list(tmp_path.iterdir())
+
+
+def test_run_prints_one_json_object_and_nothing_else(run, tiny):
+    code, out, err = run("run", "--scenario", tiny, "--policy", "random", "--seed", 5, "--missions", 3, "--json")
+    assert (code, err) == (0, "")
+    found = json.loads(out, parse_constant=lambda constant: pytest.fail(f"{constant} is no JSON"))
+    assert out.count("\n") == 1
+    assert {name: found[name] for name in ("scenario", "policy", "links", "limitation", "privileged")} == {
+        "scenario": "tiny", "policy": "random", "links": "abstract", "limitation": "nominal", "privileged": False,
+    }  # fmt: skip
+    assert [mission["seed"] for mission in found["missions"]] == [5, 6, 7]
+    for name, interval in found["means"].items():
+        assert interval["mean"] == pytest.approx(np.mean([mission[name] for mission in found["missions"]])), name
+        assert interval["low"] <= interval["mean"] <= interval["high"], name
+
+
+def test_a_single_mission_has_no_interval(run, tiny):
+    found = json.loads(run("run", "--scenario", tiny, "--json")[1])
+    assert found["means"]["twcr"]["low"] is None and found["means"]["twcr"]["high"] is None
+
+
+def test_the_privileged_reference_is_marked(run, tiny):
+    assert json.loads(run("run", "--scenario", tiny, "--policy", "omniscient", "--json")[1])["privileged"] is True
+    out = run("run", "--scenario", tiny, "--policy", "omniscient")[1]
+    assert "PRIVILEGED" in out
+
+
+def test_limitation_and_seed_count(run, tiny):
+    def missions(*arguments):
+        return json.loads(run("run", "--scenario", tiny, "--policy", "random", "--json", *arguments)[1])["missions"]
+
+    nominal = missions("--missions", 2)
+    assert missions("--seed", 1) == nominal[1:]
+    assert missions("--missions", 2, "--limitation", "high") != nominal
+
+
+def test_workers_do_not_show(run, tiny, monkeypatch, tmp_path):
+    monkeypatch.setattr(fly, "CHUNK", 1)
+    one, two = (
+        run("run", "--scenario", tiny, "--missions", 3, "--workers", n, "--out", f"of{n}", "--json") for n in (1, 2)
+    )
+    assert one == two and one[0] == 0
+    names = [f"tiny-greedy-{seed}.npz" for seed in range(3)]
+    assert [path.name for path in sorted((tmp_path / "of2").iterdir())] == names
+    for name in names:
+        assert (tmp_path / "of1" / name).read_bytes() == (tmp_path / "of2" / name).read_bytes()
+
+
+def test_out_keeps_one_trace_a_mission(run, tiny, tmp_path):
+    _, out, _ = run("run", "--scenario", tiny, "--missions", 2, "--seed", 4, "--out", "deep/er", "--json")
+    missions = json.loads(out)["missions"]
+    assert sorted(path.name for path in (tmp_path / "deep/er").iterdir()) == ["tiny-greedy-4.npz", "tiny-greedy-5.npz"]
+    for mission in missions:
+        trace = load_trace(tmp_path / f"deep/er/tiny-greedy-{mission['seed']}.npz")
+        assert (trace.seed, trace.twcr(), trace.ticks) == (mission["seed"], mission["twcr"], mission["duration"])
+
+
+def test_video_of_a_run(run, tiny, tmp_path, monkeypatch):
+    made = []
+    monkeypatch.setattr("commhg_mj.cli.Render.__call__", lambda self, report: made.append((self.trace, self.out)))
+    code, out, _ = run("run", "--scenario", tiny, "--seed", 3, "--missions", 2, "--video", "--json")
+    assert code == 0 and json.loads(out)
+    assert [tuple(map(str, paths)) for paths in made] == [("runs/tiny-greedy-3.npz", "runs/tiny-greedy-3.mp4")]
+    assert (tmp_path / "runs/tiny-greedy-3.npz").exists()
+
+
+def test_render_a_video(run, trace, tmp_path):
+    code, out, err = run("render", trace, "--out", "v.mp4", "--size", "96x64", "--from", 5, "--to", 10, "--workers", 1)
+    assert (code, out, err) == (0, "wrote v.mp4\n", "")
+    with av.open("v.mp4") as video:
+        frames = [(frame.width, frame.height) for frame in video.decode(video=0)]
+    assert frames == [(96, 64)] * 7  # 5 s at 20 x and 24 pictures a second, both ends included
+    assert [path.name for path in tmp_path.iterdir()] == ["v.mp4"]
+
+
+@pytest.mark.parametrize("camera", ["overview", "station", "map", "orbit", "follow:ugv1"])
+def test_render_a_picture(run, trace, camera, tmp_path):
+    code, out, _ = run("render", trace, "--at", 30, "--out", "[a] picture.png", "--size", "96x64", "--camera", camera)
+    assert (code, out) == (0, "wrote [a] picture.png\n")
+    assert cv2.imread("[a] picture.png").shape == (64, 96, 3)
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_scenarios_shows_every_field(run, tiny, capsys):
+    code, out, _ = run("scenarios")
+    assert code == 0 and all(name in out for name in SCENARIOS)
+    lines = {line.split()[1]: line for line in out.splitlines() if len(line.split()) > 3}
+    for field, _, unit, mark, _ in describe(SCENARIOS["small"]):
+        assert f" {unit} " in lines[field] and f" {mark} " in lines[field]
+    _, out, _ = run("scenarios", tiny)
+    lines = {line.split()[1]: line.split()[3] for line in out.splitlines() if len(line.split()) > 3}
+    assert (lines["n_tasks"], lines["time_limit"], lines["map_side"]) == ("4", "30", "500")
+
+
+def test_world_is_written_and_loads(run, tiny, tmp_path):
+    code, out, _ = run("world", "--scenario", tiny, "--seed", 3, "--out", "w.xml")
+    assert (code, out) == (0, "wrote w.xml\n")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["w.xml", "w_assets"]
+    model = mujoco.MjModel.from_xml_path("w.xml")
+    assert model.nmocap == load_scenario(tiny).n_robots
+
+
+NO_OBSTACLES = "[world]\nn_forests = 0\nn_mountains = 0\n"
+
+
+@pytest.mark.parametrize("team", ["", "n_ugv = 0\n", "n_uav = 0\nn_operators = 0\n" + NO_OBSTACLES])
+def test_figure_of_any_team(run, tmp_path, team):
+    (tmp_path / "team.toml").write_text(TINY + team)
+    code, out, err = run("figure", "--scenario", "team.toml", "--out", "f.png")
+    assert (code, out, err) == (0, "wrote f.png\n", "")
+    assert cv2.imread("f.png").std() > 10
+
+
+@pytest.fixture
+def tiny_scales(tiny, monkeypatch):
+    for name in list(SCENARIOS):
+        monkeypatch.setitem(SCENARIOS, name, load_scenario(tiny))
+
+
+def test_bench_prints_rates(run, tiny_scales, monkeypatch):
+    monkeypatch.setattr(bench, "SCALING", ((2, 3),))
+    code, out, _ = run("bench", "--scenario", "small")
+    assert code == 0
+    for word in ("64 missions", "one mission alone", "worlds", "2 robots x 3 tasks", "ticks/CPU-s", "epochs/CPU-s"):
+        assert word in out
+
+
+def test_calibrate_prints_figures_and_rules(run, tiny_scales):
+    code, out, _ = run("calibrate", "--missions", 2, "--workers", 1)
+    assert code == 0
+    for word in ("random", "greedy, high", "omniscient, no operators", "0.45-0.70", "BROKEN", *SCENARIOS):
+        assert word in out
+
+
+@pytest.mark.parametrize(
+    "arguments, said",
+    [
+        (["--scenario", "medum"], ["medum", "small, medium, large"]),
+        (["--scenario", "none.toml"], ["none.toml", "No such file"]),
+        (["--policy", "gredy"], ["gredy", "random, greedy, omniscient"]),
+        (["--links", "laser"], ["laser", "abstract"]),
+        (["--missions", 0], ["--missions", "0"]),
+        (["--workers", 0], ["--workers", "0"]),
+        (["--seed", -1], ["seed", "-1"]),
+        (["--seed", 2**63, "--out", "new"], ["seed", str(2**63)]),
+        (["--seed", 2**63 - 1, "--missions", 2, "--out", "new"], ["seed", str(2**63)]),
+        (["--out", "/proc/traces"], ["/proc/traces"]),
+    ],
+)
+def test_bad_run(refused, arguments, said):
+    line = refused("run", *arguments)
+    assert all(word in line for word in said), line
+
+
+def test_a_file_is_no_folder_for_traces(refused, tiny, tmp_path):
+    (tmp_path / "file").touch()
+    assert "file" in refused("run", "--scenario", tiny, "--out", "file")
+    assert "file/in" in refused("run", "--scenario", tiny, "--out", "file/in")
+
+
+@pytest.mark.parametrize(
+    "arguments", ["", "fly", "run --limitation lo", "run --seed x", "run --no-such 1", "render t.npz"]
+)
+def test_bad_usage(arguments, capsys):
+    with pytest.raises(SystemExit) as stop:
+        main(arguments.split())
+    assert stop.value.code == 2 and capsys.readouterr().out == ""
+
+
+@pytest.mark.parametrize(
+    "text, said",
+    [
+        ("n_uavs = 3", ["n_uavs"]),
+        ("n_uav = 3.5", ["n_uav", "3.5"]),
+        ("n_uav = [3]", ["n_uav", "[3]"]),
+        ("n_uav = true", ["n_uav"]),
+        ("n_uav = 65", ["n_uav", "0..64"]),
+        ("n_uav = 0\nn_ugv = 0", ["n_uav + n_ugv", "1..64"]),
+        ("n_uav = 60\nn_ugv = 5", ["n_uav + n_ugv", "65"]),
+        ("n_operators = -1", ["n_operators"]),
+        ("n_tasks = 0", ["n_tasks", "1..1024"]),
+        ("time_limit = 1" + "0" * 400, ["time_limit"]),
+        ("time_limit = " + "9" * 5000, []),
+        ("map_side = nan", ["map_side"]),
+        ("map_side = inf", ["map_side"]),
+        ('base = "tiny"', ["base", "tiny"]),
+        ("name = 5", ["name"]),
+        ('name = "../escape"', ["name", "../escape"]),
+        ('name = "[/red]"', ["name", "[/red]"]),
+        ("world = 3", ["world", "table"]),
+        ("[world]\nforests = 3", ["world.forests"]),
+        ("[world]\nforest_share = [0.1]", ["world.forest_share"]),
+        ("[tasks]\nvalues = []", ["tasks.values"]),
+        ("[tasks]\ndeadline = 30", ["tasks.deadline"]),
+        ("[tasks]\ndeadline = [30, 20]", ["tasks.deadline", "30", "20"]),
+        ("[tasks]\ntype_shares = [0.5, 0.5, 0.5]", ["tasks.type_shares", "1.5"]),
+        ("[communication]\nrange = [0.3, 0.2]", ["communication.range", "2"]),
+        ('[communication]\nrange = ["a", "b", "c"]', ["communication.range"]),
+        ('"ü" = 1', ["ü"]),
+        ("n_uav = \nn_ugv = 2", ["line 1"]),
+        ("a = " + "[" * 5000, []),
+    ],
+)
+def test_bad_scenario_files(refused, tmp_path, text, said):
+    (tmp_path / "bad.toml").write_text(text, encoding="utf-8")
+    for arguments in (["scenarios", "bad.toml"], ["run", "--scenario", "bad.toml", "--out", "new"]):
+        line = refused(*arguments)
+        assert all(word in line for word in ["bad.toml", *said]), line
+
+
+def test_scenario_files_that_are_none(refused, tmp_path):
+    (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
+    (tmp_path / "folder.toml").mkdir()
+    for name in ("binary.toml", "folder.toml"):
+        assert name in refused("scenarios", name)
+
+
+def test_an_empty_scenario_file_is_the_medium_one(run, tmp_path):
+    (tmp_path / "empty.toml").touch()
+    (tmp_path / "marked.toml").write_bytes(b"\xef\xbb\xbf" + b'base = "medium"')  # as some editors write it
+    for name in ("empty.toml", "marked.toml"):
+        code, out, _ = run("scenarios", name)
+        assert code == 0 and out.replace(name, "medium").split() == run("scenarios", "medium")[1].split()
+
+
+def test_a_world_that_does_not_fit(refused, tmp_path):
+    (tmp_path / "full.toml").write_text('base = "small"\nn_tasks = 1024\n[world]\npoi_spacing = 0.1')
+    for command in ("run", "world"):
+        assert "n_tasks = 1024" in refused(command, "--scenario", "full.toml")
+
+
+@pytest.mark.parametrize(
+    "arguments, said",
+    [
+        (["--out", "v.avi"], "v.avi"),
+        (["--out", "video"], "video"),
+        (["--out", "p.png"], "p.png"),
+        (["--out", "v.mp4", "--at", 3], "v.mp4"),
+        (["--out", "p.png", "--at", 30.5], "30.5"),
+        (["--out", "p.png", "--at", -1], "-1"),
+        (["--out", "p.png", "--at", "nan"], "nan"),
+        (["--out", "v.mp4", "--from", 9, "--to", 8], "9"),
+        (["--out", "v.mp4", "--to", 31], "31"),
+        (["--out", "v.mp4", "--size", "big"], "big"),
+        (["--out", "v.mp4", "--size", "320"], "320"),
+        (["--out", "v.mp4", "--size", "321x180"], "321x180"),
+        (["--out", "v.mp4", "--size", "0x0"], "0x0"),
+        (["--out", "v.mp4", "--size", "99999x180"], "99999x180"),
+        (["--out", "v.mp4", "--camera", "above"], "above"),
+        (["--out", "v.mp4", "--camera", "follow:uav9"], "uav9"),
+        (["--out", "v.mp4", "--fps", 0], "fps"),
+        (["--out", "v.mp4", "--fps", 10**11], "fps"),
+        (["--out", "v.mp4", "--speed", 0], "speed"),
+        (["--out", "v.mp4", "--speed", "nan"], "speed"),
+        (["--out", "v.mp4", "--speed", 1e-12], "speed"),
+        (["--out", "v.mp4", "--workers", 0], "workers"),
+        (["--out", "nowhere/v.mp4"], "nowhere/v.mp4"),
+        (["--out", "/proc/v.mp4"], "/proc/v.mp4"),
+        (["--out", "nowhere/p.png", "--at", 1], "nowhere/p.png"),
+    ],
+)
+def test_bad_render(refused, trace, arguments, said):
+    assert said in refused("render", trace, *arguments)
+
+
+def damaged_files(good: bytes):
+    """(name, bytes) of files that are no trace of ours."""
+    yield "empty.npz", b""
+    yield "text.npz", b"hello, world\n" * 99
+    yield "cut.npz", good[: len(good) // 2]
+    yield "flipped.npz", bytes(byte ^ (3000 < i < 3010) for i, byte in enumerate(good))
+    foreign, single, later = io.BytesIO(), io.BytesIO(), io.BytesIO()
+    np.savez(foreign, a=np.zeros(3))
+    np.save(single, np.zeros(3))
+    with np.load(io.BytesIO(good)) as file:
+        np.savez(later, **{**file, "format": 999})
+    yield "foreign.npz", foreign.getvalue()
+    yield "single.npy", single.getvalue()
+    yield "later.npz", later.getvalue()
+
+
+def test_damaged_and_foreign_traces(refused, trace, tmp_path):
+    for name, data in damaged_files(trace.read_bytes()):
+        (tmp_path / name).write_bytes(data)
+        line = refused("render", name, "--at", 1, "--out", "p.png")
+        assert name in line, line
+    assert "format 999" in line
+    (tmp_path / "folder").mkdir()
+    for name in ("folder", "missing.npz"):
+        assert name in refused("render", name, "--at", 1, "--out", "p.png")
+
+
+@pytest.mark.parametrize("out", ["world.txt", "world", "nowhere/world.xml", "/proc/world.xml"])
+def test_bad_world_paths(refused, tiny, out):
+    assert out in refused("world", "--scenario", tiny, "--out", out)
+
+
+def test_bad_world_and_figure(refused, tiny, tmp_path):
+    (tmp_path / "folder.xml").mkdir()
+    assert "folder.xml" in refused("world", "--scenario", tiny, "--out", "folder.xml")
+    assert "seed" in refused("world", "--seed", -1)
+    assert "f.jpg" in refused("figure", "--scenario", tiny, "--out", "f.jpg")
+    assert "nowhere" in refused("figure", "--scenario", tiny, "--out", "nowhere/f.png")
+    assert "--missions" in refused("calibrate", "--missions", 1)
+
+
+def test_without_memory(run, tiny, monkeypatch):
+    def fail(*arguments):
+        raise MemoryError
+
+    monkeypatch.setattr("commhg_mj.cli.fly", fail)
+    code, out, err = run("run", "--scenario", tiny)
+    assert (code, out) == (2, "") and "memory" in err and err.count("\n") == 1
+
+
+@pytest.mark.parametrize("error, code", [(KeyboardInterrupt(), 130), (OSError(28, "No space left on device"), 2)])
+def test_interrupted_or_full_disk_while_a_trace_is_written(run, tiny, tmp_path, monkeypatch, error, code):
+    def fail(file, **arrays):
+        file.write(b"half")
+        raise error
+
+    monkeypatch.setattr("commhg_mj.mission.trace.np.savez_compressed", fail)
+    found, out, err = run("run", "--scenario", tiny, "--out", "runs")
+    assert (found, out) == (code, "") and err.count("\n") == 1
+    assert not list((tmp_path / "runs").iterdir())
+
+
+def test_interrupted_while_a_video_is_written(run, trace, tmp_path, monkeypatch):
+    def fail(path, pictures, *settings):
+        path.write_bytes(b"half")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(film, "write_mp4", fail)
+    (tmp_path / "v.mp4").write_bytes(b"an older one")
+    assert run("render", trace, "--out", "v.mp4")[:2] == (130, "")
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {"v.mp4": b"an older one"}
+
+
+def test_a_reader_that_goes_away(tiny):
+    command = [sys.executable, "-m", "commhg_mj.cli", "run", "--scenario", str(tiny), "--json"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        process.stdout.close()
+        assert process.stderr.read() == ""
+    assert process.returncode != 0
+
+
+@pytest.mark.slow
+def test_an_interrupt_stops_all_workers(tmp_path):
+    """The whole process group gets it, as from a terminal; what is under way may end, nothing else begins."""
+    command = [sys.executable, "-m", "commhg_mj.cli", "run", "--scenario", "small", "--missions", "5000"]
+    command += ["--workers", "2", "--out", str(tmp_path)]
+    with subprocess.Popen(command, start_new_session=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        try:
+            while not list(tmp_path.glob("*.npz")) and process.poll() is None:
+                signal.sigtimedwait([], 0.1)
+            os.killpg(process.pid, signal.SIGINT)
+            out, err = process.communicate(timeout=60)  # all missions would take many minutes
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)
+            raise
+    assert (process.returncode, out, err) == (130, b"", b"interrupted\n")
+    assert all(zipfile.is_zipfile(path) for path in tmp_path.iterdir())

@@ -1,0 +1,101 @@
+"""What README and docs show works as it stands."""
+
+import re
+import shlex
+import tomllib
+from pathlib import Path
+
+import pytest
+import tyro
+
+from commhg_mj import POLICIES, SCENARIOS, Decisions, Observations, cli, load_scenario
+from commhg_mj.mission import observe, score, trace
+from commhg_mj.scenarios import from_dict
+
+ROOT = Path(__file__).parent.parent
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), *sorted((ROOT / "renders").glob("*.md"))]
+COMMANDS = sorted({line.strip() for page in PAGES for line in re.findall(r"^ *commhg-mj .*$", page.read_text(), re.M)})
+
+
+def blocks(language):
+    return re.findall(rf"^```{language}\n(.*?)^```$", README, re.M | re.S)
+
+
+def test_the_python_block_runs(capsys):
+    (code,) = blocks("python")
+    assert '"large"' in code and "num_missions=64" in code
+    exec(code.replace('"large"', '"small"').replace("num_missions=64", "num_missions=2"), {})
+    assert 0 <= float(capsys.readouterr().out) <= 1
+
+
+def test_a_policy_of_ones_own_takes_less_than_20_lines():
+    (code,) = blocks("python")
+    policy = re.search(r"^def .*?(?=^\S)", code.split("def ", 1)[1].join(["def ", ""]), re.M | re.S)
+    assert 5 < len(policy.group().strip().splitlines()) < 20
+
+
+def test_the_toml_block_loads(tmp_path):
+    (text,) = blocks("toml")
+    (tmp_path / "team.toml").write_text(text)
+    scenario, table = load_scenario(tmp_path / "team.toml"), tomllib.loads(text)
+    assert scenario != SCENARIOS[table["base"]]
+    assert (scenario.name, scenario.n_ugv, scenario.world.forest_share) == ("forest-rescue", 0, 0.25)
+
+
+def test_the_table_of_scenarios():
+    rows = {
+        cells[0]: cells[1:]
+        for cells in ([c.strip() for c in row.split("|")[1:-1]] for row in re.findall(r"^\|.*\|$", README, re.M))
+    }
+    names = rows[""]
+    assert names == list(SCENARIOS)
+    for name, side, tasks, team in zip(
+        names, rows["map side (m)"], rows["tasks, time limit (s)"], rows["UAVs / UGVs / operators"]
+    ):
+        s = SCENARIOS[name]
+        assert (side, tasks) == (f"{s.map_side:g}", f"{s.n_tasks}, {s.time_limit}")
+        assert team == f"{s.n_uav} / {s.n_ugv} / {s.n_operators}"
+
+
+@pytest.mark.parametrize("line", COMMANDS)
+def test_every_command_parses(line):
+    words = shlex.split(line, comments=True)
+    try:
+        command = tyro.cli(cli.Command, args=words[1:])
+    except SystemExit:
+        pytest.fail(f"not a command: {line}")
+    assert type(command).__name__.lower() == words[1]
+    for name, known in (("policy", POLICIES), ("scenario", [*SCENARIOS, "all"])):
+        assert getattr(command, name, next(iter(known))) in known or getattr(command, name).endswith(".toml")
+
+
+def test_every_command_is_shown():
+    assert {line.split()[1] for line in COMMANDS} == {c.__name__.lower() for c in cli.Command.__args__}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_links_lead_somewhere(page):
+    for target in re.findall(r"\]\(([^)#]+)\)", page.read_text(encoding="utf-8")):
+        assert "://" in target or (page.parent / target).exists(), target
+
+
+def test_files_named_in_the_readme_exist():
+    for name in re.findall(r"`(\w+\.py)`", README):
+        assert list((ROOT / "commhg_mj").rglob(name)), name
+    for name in re.findall(r"`(\w+)/`", README):
+        assert (ROOT / "commhg_mj" / name).is_dir(), name
+
+
+def test_every_column_of_observations_is_explained():
+    text = (ROOT / "docs/observations.md").read_text(encoding="utf-8")
+    kinds = (
+        observe.ROBOT_SEES, observe.TASK_SEEN, observe.PEER_SEEN, observe.OPERATOR_SEEN, observe.OPERATOR_SEES,
+        observe.REPORT_SEEN,
+    )  # fmt: skip
+    columns = {name for kind in kinds for name in kind.names} | {*Observations._fields, *Decisions._fields}
+    assert not {name for name in columns if f"`{name}`" not in text}
+
+
+def test_documented_classes_say_what_they_hold():
+    assert score.Score.__doc__ and trace.Trace.__doc__ and from_dict({}) == SCENARIOS["medium"]
