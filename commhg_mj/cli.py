@@ -13,7 +13,7 @@ from typing import Annotated, Literal
 import tyro
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-from rich.table import Table
+from rich.table import Column, Table
 
 from . import SCENARIOS, load_scenario, load_trace
 from .mission.batch import check_seed
@@ -23,7 +23,7 @@ from .scenarios import describe
 from .study.fly import fly, trace_path
 
 Limitation = Literal["nominal", "low", "high"]
-OUT = Console(width=None if sys.stdout.isatty() else 140)
+OUT = Console(width=None if sys.stdout.isatty() else 160)
 LOG = Console(stderr=True)
 
 
@@ -134,7 +134,7 @@ class Scenarios:
     def __call__(self):
         names = [self.name] if self.name else list(SCENARIOS)
         columns = [list(describe(load_scenario(name))) for name in names]
-        table = Table("field", *names, "unit", "mark", "meaning")
+        table = Table(Column("field", no_wrap=True), *names, "unit", "mark", "meaning")
         for rows in zip(*columns):
             field, _, unit, mark, doc = rows[0]
             table.add_row(field, *(_show(row[1]) for row in rows), unit, mark, doc)
@@ -284,7 +284,7 @@ def main(arguments=None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
     except (ValueError, RuntimeError, OSError, MemoryError) as error:
-        _say(f"commhg-mj: {error or 'not enough memory'}", LOG, style="red")
+        _say(f"commhg-mj: {str(error) or 'not enough memory'}", LOG, style="red")
         return 2
     except KeyboardInterrupt:
         _say("interrupted", LOG)

@@ -27,8 +27,10 @@ def _source_hash() -> str:
 def _cache_dir() -> Path:
     """Of this user and of these sources; works for read-only installs and unwritable homes."""
     home = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
-    for base in (Path(home), Path(tempfile.gettempdir()) / f"cache-{os.getuid()}"):
-        folder = base / "commhg_mj" / f"kernels-{_source_hash()}"
+    for base in (home, f"{tempfile.gettempdir()}/cache-{os.getuid()}"):
+        if base.startswith("~"):  # nobody's home
+            continue
+        folder = Path(base).absolute() / "commhg_mj" / f"kernels-{_source_hash()}"
         try:
             folder.mkdir(parents=True, exist_ok=True)
             # numba runs what it finds there: nobody else may have made the folder.

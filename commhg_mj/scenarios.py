@@ -58,13 +58,13 @@ class TaskRules:
     values: tuple = _field((1.0, 2.0, 3.0), "", "D", "equally likely task values", 0.001, 1e6)
     released_at_start: float = _field(0.70, "share", "D", "tasks known at t = 0", 0, 1)
     last_release: float = _field(0.60, "of the limit", "D", "later releases are uniform up to here", 0, 1)
-    deadline: tuple = _field((120.0, 560.0), "s", "D", "deadline after the release, uniform", 0, 1e6)
+    deadline: tuple = _field((110.0, 575.0), "s", "D", "deadline after the release, uniform", 0, 1e6)
     decay: tuple = _field((80.0, 240.0), "s", "D", "late-value decay timescale, uniform", 0.001, 1e6)
     change_share: float = _field(0.40, "share", "D", "general tasks that turn robot-exclusive", 0, 1)
     change_within: float = _field(0.30, "of the limit", "D", "the change comes this soon after the release, uniform", 0, 1)
     service_base: float = _field(20.0, "s", "D", "autonomous service time at D = 0", 1, 1e5)
-    service_per_difficulty: float = _field(70.0, "s", "D", "added at D = 1", 0, 1e5)
-    success_autonomous: tuple = _field((0.95, 0.85), "", "D", "P(success) = a - b D", 0, 1)
+    service_per_difficulty: float = _field(80.0, "s", "D", "added at D = 1", 0, 1e5)
+    success_autonomous: tuple = _field((0.95, 0.95), "", "D", "P(success) = a - b D", 0, 1)
     success_controlled: tuple = _field(
         (0.97, 0.15, 0.20), "", "D", "P(success) = a - b D - c fatigue", 0, 1
     )
@@ -85,7 +85,7 @@ class OperatorRules:
     travel_workload: float = _field(0.3, "", "D", "w while the robot travels or idles", 0, 1)
     service_workload: tuple = _field((0.4, 0.6), "", "D", "w = a + b D while it services", 0, 1)
     fatigue_slowdown: float = _field(0.5, "", "D", "controlled service time x (1 + this x fatigue)", 0, 10)
-    handover: float = _field(5.0, "s", "D", "after acceptance, without progress", 0, 600)
+    handover: float = _field(6.0, "s", "D", "after acceptance, without progress", 0, 600)
     lease: float = _field(15.0, "s", "D", "control holds this long after the last delivered command", 1, 3600)
     renewal_period: float = _field(10.0, "s", "D", "KEEP renews at most this often", 1, 3600)
     bid_timeout: float = _field(20.0, "s", "D", "a command not accepted by then is given up", 1, 3600)
@@ -234,11 +234,11 @@ def _check_value(name, value, field):
 
 SCENARIOS = {  # deadlines grow with the way to go
     "small": Scenario(
-        "small", 500.0, 22, 600, 2, 2, 2, WorldRules(n_forests=4, n_mountains=2), tasks=TaskRules(deadline=(90.0, 420.0))
+        "small", 500.0, 22, 600, 2, 2, 2, WorldRules(n_forests=4, n_mountains=2), tasks=TaskRules(deadline=(75.0, 415.0))
     ),
     "medium": Scenario("medium", 1000.0, 56, 1200, 4, 4, 3),
     "large": Scenario(
-        "large", 2000.0, 112, 2400, 8, 8, 6, WorldRules(n_forests=10, n_mountains=5), tasks=TaskRules(deadline=(180.0, 840.0))
+        "large", 2000.0, 112, 2400, 8, 8, 6, WorldRules(n_forests=10, n_mountains=5), tasks=TaskRules(deadline=(150.0, 800.0))
     ),
 }
 

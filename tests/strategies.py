@@ -86,7 +86,8 @@ decisions = st.builds(
 
 @st.composite
 def _transport(draw):
-    sizes = st.sampled_from([None, None, 1, 40, 300])
+    sizes = {kind: draw(st.sampled_from([size, size, 1, 40, 300])) for kind, size in BYTES.items()}
+    largest = max(size for kind, size in sizes.items() if kind != "broadcast")
     return CommunicationRules(
         range=draw(st.sampled_from([(0.30, 0.24, 0.18), (0.0, 0.0, 0.0), (2.0, 2.0, 2.0)])),
         unavailable_or_delayed=draw(st.sampled_from([(0.1, 0.2, 0.3), (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)])),
@@ -95,11 +96,11 @@ def _transport(draw):
         late_delay=draw(st.sampled_from([(3, 8), (1, 1), (1, 20)])),
         broadcast_records=draw(st.sampled_from([0, 1, 8])),
         telemetry_records=draw(st.sampled_from([0, 1, 4, 8])),
-        bucket=draw(st.sampled_from([192.0, 192.0, 64.0, 1.0, 1e6])),
+        bucket=max(largest, draw(st.sampled_from([192.0, 192.0, 0.0, 1e6]))),
         refill=draw(st.sampled_from([16.0, 16.0, 0.0, 0.3, 1e4])),
         time_to_live=draw(st.sampled_from([24.0, 24.0, 1.0, 2.5])),
         telemetry_period=draw(st.sampled_from([1.0, 5.0, 7.5])),
-        **{f"{kind}_bytes": draw(sizes) or default for kind, default in BYTES.items()},
+        **{f"{kind}_bytes": size for kind, size in sizes.items()},
     )
 
 

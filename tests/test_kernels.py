@@ -128,6 +128,14 @@ def test_a_read_only_cache_folder_falls_back(cleared, tmp_path):
     check(kernels._cache_dir(), tmp_path / "tmp")
 
 
+def test_a_folder_of_somebody_else_is_not_trusted(cleared, tmp_path):
+    """numba runs what it finds there."""
+    cleared.setenv("NUMBA_CACHE_DIR", str(tmp_path / "theirs"))
+    check(kernels._cache_dir(), tmp_path / "theirs")
+    cleared.setattr(os, "getuid", lambda: 54321)
+    check(kernels._cache_dir(), tmp_path / "tmp")
+
+
 def test_a_user_without_a_home(cleared, tmp_path):
     """As in a container that runs under a number of its own."""
 

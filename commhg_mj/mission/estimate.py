@@ -22,16 +22,6 @@ def expected_utility(rules, distance, speed, difficulty, value, deadline, decay,
 
 
 @kernel
-def expected_reward(rules, distance, speed, difficulty, value, deadline, decay, now):
-    """Expected reward (paper, eq. 4, times V0) of one autonomous attempt at a task.
-
-    The discounted value if it succeeds, less what the task costs while it is pending until then.
-    """
-    gain, seconds = attempt(rules, distance, speed, difficulty, deadline, decay, now)
-    return value * (gain - rules.pending_cost * seconds)
-
-
-@kernel
 def control_gain(rules, proficiency, fatigue, embodiment, distance, progress, difficulty, value, deadline, decay, now):
     """What control would add, per second, to the rest of a robot's current attempt; negative if it harms."""
     base = autonomous_seconds(rules, difficulty) * (1.0 - progress)

@@ -69,9 +69,9 @@ OPERATOR = record(
     tokens="f8", due="i8", next_decision="i8", control_time="f8",
 )  # fmt: skip
 
-TASK = record(
-    x="f8", y="f8", announced="i8", type="i8", changes_to="i8", change_at="f8", changed_at="f8", difficulty="f8", value="f8",
-    deadline="f8", decay="f8", release="f8", released="i8", status="i8", progress="f8", owner="i8", done_at="f8",
+TASK = record(  # what observations read lies together, in one cache line
+    x="f8", y="f8", difficulty="f8", value="f8", deadline="f8", decay="f8", announced="i8", released="i8", type="i8",
+    status="i8", progress="f8", owner="i8", release="f8", change_at="f8", changes_to="i8", changed_at="f8", done_at="f8",
     done_by="i8",
 )  # fmt: skip
 

@@ -90,6 +90,12 @@ def draw_layout(scenario: Scenario, rng: np.random.Generator) -> Layout:
     station = np.round([0.5 * side + rng.uniform(-0.08, 0.08) * side, 0.06 * side], 2)
     mountains = _draw_mountains(scenario, station, rng)
     forests = _draw_forests(scenario, station, mountains, rng)
+    starts = station + _row(scenario.n_robots, min(0.01, 0.16 / scenario.n_robots) * side, 0.015 * side)
+    # On a crowded map a part may still reach the station or the starting places: it is left out.
+    mountains, forests = (
+        parts[[not inside_any(unit_frame(part[None], scenario.world.ugv_radius), [station, *starts]).any() for part in parts]]
+        for parts in (mountains, forests)
+    )
     surfaces = [_draw_surface(part, rng) for part in mountains]
     return Layout(
         side=side,
@@ -97,7 +103,7 @@ def draw_layout(scenario: Scenario, rng: np.random.Generator) -> Layout:
         surfaces=np.array(surfaces).reshape(-1, SURFACE_NODES, SURFACE_NODES),
         station=station,
         operators=np.round(station + _row(scenario.n_operators, 0.004 * side, -0.008 * side), 2),
-        starts=np.round(station + _row(scenario.n_robots, min(0.01, 0.16 / scenario.n_robots) * side, 0.015 * side), 2),
+        starts=np.round(starts, 2),
     )
 
 

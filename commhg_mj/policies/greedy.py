@@ -5,7 +5,7 @@ import numpy as np
 from ..kernels import kernel
 from ..mission.batch import MissionBatch, stay
 from ..mission.decide import Decisions
-from ..mission.estimate import control_gain, expected_reward
+from ..mission.estimate import attempt, control_gain
 from ..mission.observe import Observations
 from ..terms import IDLE, KEEP, NOBODY, REST, Activity, Session, Status
 from .schedule import follow_schedule
@@ -14,6 +14,7 @@ SERVICING, RESTING, HELD = int(Activity.SERVICING), int(Session.REST), int(Sessi
 SERVICED = int(Status.SERVICED)
 CLAIM_TRUST = 60.0  # s: a peer's claim or a report of service older than this is forgotten
 REPORT_TRUST = 30.0  # s: likewise for a robot's report at the station
+TIME_PRICE = 0.02  # task value a second: what a mean task costs while it is pending (paper, eq. 4)
 BETTER = 0.2  # task value: a robot on its way turns only for a task that promises this much more
 REQUESTED = 1.5  # an operator values a robot that asked for help this many times
 TIRED = 0.75  # an operator at or above this fatigue rests
@@ -56,10 +57,11 @@ def choose_tasks(rules, observations, decisions):
 
 @kernel
 def utility(rules, robot, row):
-    """The reward that the next attempt at a task promises by itself, whatever comes after it."""
-    return expected_reward(
-        rules[0], row.distance, robot.speed, row.difficulty, row.value, row.deadline, row.decay, robot.time
+    """What the next attempt at a task promises by itself, less the price of its time; whatever comes after it."""
+    gain, seconds = attempt(
+        rules[0], row.distance, robot.speed, row.difficulty, row.deadline, row.decay, robot.time
     )
+    return row.value * gain - TIME_PRICE * seconds
 
 
 @kernel

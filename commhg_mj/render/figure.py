@@ -174,7 +174,7 @@ def _draw_callouts(canvas, projection, landmarks, boxes):
     labels, colours = [], {}
     for name, colour, places in landmarks:
         at, seen = projection.pixels(places)
-        free = seen & [not any(_inside(p, box) for box in boxes) for p in at]
+        free = seen & np.array([not any(_inside(p, box) for box in boxes) for p in at], bool)
         if free.any():
             others = np.array([label.anchor for label in labels] or [(-1e3, -1e3)])
             apart = np.min(np.linalg.norm(at[:, None] - others, axis=-1), axis=1)

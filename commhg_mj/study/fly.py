@@ -1,5 +1,6 @@
 """Flying many missions with one policy, in one process or several; results do not depend on which."""
 
+import signal
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
@@ -46,11 +47,15 @@ def fly(
             advance(len(job[2]))
         return [score for chunk in results for score in chunk]
     ensure_compiled(POLICIES.values())
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+    # An interrupt is this process's to handle; the others finish their chunk.
+    pool = ProcessPoolExecutor(workers, get_context("spawn"), signal.signal, (signal.SIGINT, signal.SIG_IGN))
+    try:
         futures = [pool.submit(_fly_chunk, *job) for job in jobs]
         for future in as_completed(futures):
             advance(len(future.result()))
-    return [score for future in futures for score in future.result()]
+        return [score for future in futures for score in future.result()]
+    finally:
+        pool.shutdown(cancel_futures=True)
 
 
 def _fly_chunk(scenario, policy, seeds, links, limitation, out) -> list[Score]:

@@ -48,7 +48,7 @@ def message_table(scores: list[Score]) -> Table:
     table = Table(title="messages a mission, by kind", title_justify="left")
     table.add_column("mean")
     for kind in kinds:
-        table.add_column(kind, justify="right")
+        table.add_column(kind, justify="right", no_wrap=True)
     for count in ("attempted", "sent", "bytes", *(fate.name.lower() for fate in FATES), "late", "mean_latency"):
         means = (np.mean([score.messages[kind][count] for score in scores]) for kind in kinds)
         label = "latency (s)" if count == "mean_latency" else count.replace("_", " ")

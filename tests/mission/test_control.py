@@ -102,6 +102,15 @@ def test_keep_renews_the_lease():
     assert 80 / 6 <= sent <= 80 / 5 + 1, "renewed every renewal period, no oftener"
 
 
+def test_a_renewal_lengthens_control_by_one_lease_and_no_more():
+    pilot = Pilot(plain(lease=12.0, renewal_period=6.0))
+    pilot.step(operators={0: 0}).wait_until(lambda: pilot.counters[Kind.RENEWAL]["fate"][Fate.DELIVERED] == 1)
+    renewed = pilot.now
+    pilot.batch.state.missions["rules"]["renewal_period"] = 3600.0
+    pilot.wait_until(lambda: not held(pilot), 40)
+    assert pilot.now - renewed == 12
+
+
 def test_renewals_that_are_not_delivered_renew_nothing():
     pilot = Pilot(plain(lease=12.0, renewal_period=5.0, refill=0.0))
     pilot.operators["tokens"] = 48.0
@@ -197,14 +206,25 @@ def test_a_malfunction_ends_control_and_exempts_from_the_switch_cost():
     assert switches(pilot) == 0 and held(pilot, 0, 1)
 
 
-def test_a_robot_known_to_have_failed_cannot_be_chosen():
-    pilot = Pilot(plain(telemetry_period=1.0))
-    pilot.peers["time"][-1, 1], pilot.peers["activity"][-1, 1] = 0, Activity.FAILED
-    pilot.robots["next_telemetry"] = 3600
-    pilot.wait(1)
-    assert pilot.batch.observations.operator_reports["legal"][0].tolist() == [1, 0]
-    with pytest.raises(ValueError, match="operator0 of mission 0 .*robot is masked"):
-        pilot.step(operators={0: 1})
+def test_a_failure_that_nobody_reported_does_not_show_in_the_operators_choices():
+    pilot = Pilot(plain(n_uav=3))
+    pilot.robots["activity"][1], pilot.robots["task"][1], pilot.robots["due"][1] = Activity.FAILED, NOBODY, 0
+    pilot.tasks["owner"][pilot.tasks["owner"] == 1] = NOBODY
+    pilot.wait(8)
+    assert pilot.batch.observations.operator_reports["legal"][0].tolist() == [1, 1, 1]
+    pilot.step(operators={0: 1}).wait(4)
+    assert not held(pilot, 0, 1) and pilot.counters[Kind.CONTROL]["fate"][Fate.LOST] == 1
+    assert pilot.batch.observations.operator_reports["legal"][0].tolist() == [1, 0, 1], "but its own bid"
+
+
+def test_a_command_that_was_withdrawn_in_the_air_does_nothing():
+    pilot = Pilot(plain(n_operators=2, delay=4))
+    pilot.step(operators={0: 0}).wait(1)
+    pilot.step(operators={0: REST}).wait(8)
+    assert pilot.robots["controller"][0] == NOBODY and pilot.counters[Kind.CONTROL]["fate"][Fate.DELIVERED] == 1
+    pilot.step(operators={1: 0}).wait_until(lambda: held(pilot, 1, 0), 9)
+    pilot.step(operators={0: 0}).wait(1).step(operators={0: REST}).wait(8)
+    assert held(pilot, 1, 0) and pilot.batch.scores()[0].conflicts == 0
 
 
 def test_controlled_robots_travel_faster():

@@ -139,14 +139,14 @@ def test_a_large_trace_of_the_most_talkative_policy_stays_small(tmp_path):
 def test_no_byte_can_change_anything_unnoticed(content, trace, tmp_path, mask):
     """Anywhere in the archive, and at every byte of its directory, which no checksum protects."""
     directory, rng = content.index(b"PK\x01\x02"), np.random.default_rng(mask)
-    inside = rng.integers(0, directory, 150)
-    table = range(directory + mask % 7, len(content), 7)
+    inside = rng.integers(0, directory, 100)
+    table = range(directory + mask % 13, len(content), 13)
     n_refused = 0
     for at in [*inside, *table, *range(len(content) - 22, len(content))]:
         found = refuses(tmp_path / "t.npz", content[:at] + bytes([content[at] ^ mask]) + content[at + 1 :])
         assert found is True or is_same(found, trace), f"byte {at} of {len(content)}"
         n_refused += found is True
-    assert n_refused > 150
+    assert n_refused > 100
 
 
 def test_no_truncated_file_is_a_trace(content, tmp_path):

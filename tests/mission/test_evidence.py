@@ -36,8 +36,8 @@ class Historian:
     @staticmethod
     def see_robots(state):
         robots, tasks = state.robots[0], state.tasks[0]
-        held = robots["task"]
-        progress = np.where(held >= 0, tasks["progress"][held], 0.0)
+        # On its way a robot knows nothing of its task's progress.
+        progress = np.where(robots["activity"] == Activity.SERVICING, tasks["progress"][robots["task"]], 0.0)
         table = {name: robots[name].astype(np.float32) for name in ("x", "y", "task", "activity", *SUPERVISION)}
         return table | {"progress": progress.astype(np.float32)}
 

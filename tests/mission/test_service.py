@@ -104,16 +104,29 @@ def test_an_incompatible_task_is_discovered_on_arrival_and_costs():
     assert pilot.robots["activity"][0] == Activity.IDLE and pilot.batch.observations.robot_tasks["legal"][0, 0] == 0
 
 
-def test_sensing_in_time_lets_a_robot_turn_back_for_free():
-    """A sensed contradiction makes the robot due; KEEP is masked; leaving costs nothing."""
-    pilot = alone(sensing_radius=0.2, robot_period=3600)
+def test_a_robot_turns_away_as_soon_as_it_senses_that_its_task_is_incompatible():
+    """The way was in vain: that costs, wherever it is discovered; the task is masked from then on."""
+    pilot = alone(incompatible_cost=0.3, sensing_radius=0.2, robot_period=3600)
     pilot.tasks["type"] = TaskType.UGV_ONLY
     pilot.step()
-    assert pilot.robots["due"][0] == 1 and pilot.robots["activity"][0] == Activity.TRAVELLING
+    robot, task = pilot.robots[0], pilot.tasks[0]
+    assert np.hypot(task["x"] - robot["x"], task["y"] - robot["y"]) > 50, "still on its way"
+    assert robot["task"] == NOBODY and robot["due"] == 1 and task["owner"] == NOBODY
+    assert pilot.batch.observations.robot_tasks["legal"][0, 0] == 0
+    score = pilot.batch.scores()[0]
+    assert score.incompatibles == 1 and score.reward_coordination == pytest.approx(-0.3)
+
+
+def test_a_delivered_contradiction_asks_the_robot_to_decide_and_masks_keep():
+    pilot = alone(sensing_radius=0.0, n_uav=2, n_tasks=3, robot_period=3600)
+    j = pilot.robots["task"][0]
+    belief = pilot.beliefs[1, j : j + 1]
+    belief["time"], belief["type"] = 0, TaskType.UGV_ONLY
+    pilot.step(robots={1: dict(broadcast=True)}).wait_until(lambda: pilot.robots["due"][0] == 1, 9)
     with pytest.raises(ValueError, match="uav0 of mission 0 .*there is no task to KEEP"):
         pilot.step(robots={0: dict(task=KEEP)})
     pilot.step(robots={0: dict(task=IDLE)})
-    assert pilot.batch.scores()[0].incompatibles == 0
+    assert pilot.batch.scores()[0].incompatibles == 0, "leaving on others' word costs nothing"
 
 
 def test_arriving_at_a_task_that_is_done_ends_the_assignment_at_no_cost():
@@ -197,6 +210,15 @@ def test_a_type_changes_only_while_nobody_works_on_the_task():
         task["change_at"], task["changes_to"] = pilot.now + 2, TaskType.UGV_ONLY
         pilot.wait(3)
         assert task["type"][0] == (TaskType.GENERAL if serviced else TaskType.UGV_ONLY)
+
+
+def test_a_type_does_not_change_in_a_handover_without_progress_either():
+    pilot = alone(n_operators=1, handover=100.0, lease=200.0)
+    pilot.step(operators={0: 0}).wait_until(lambda: pilot.robots["activity"][0] == Activity.SERVICING)
+    assert pilot.robots["mode"][0] == Mode.HANDOVER and pilot.tasks["progress"][0] == 0
+    pilot.tasks["change_at"], pilot.tasks["changes_to"] = pilot.now + 2, TaskType.UGV_ONLY
+    pilot.wait(4)
+    assert pilot.tasks["type"][0] == TaskType.GENERAL and pilot.tasks["progress"][0] == 0
 
 
 def test_a_partly_serviced_task_does_not_change_even_when_left():

@@ -89,9 +89,17 @@ def test_ranges_are_not_reversed(name):
     refused(name, [high, low], "lower end")
 
 
+@pytest.mark.parametrize("kind", ["telemetry", "query", "request", "control", "renewal", "reply"])
+def test_messages_that_no_bucket_can_pay_for_are_refused(kind):
+    refused(f"communication.{kind}_bytes", 193, "does not fit into communication.bucket")
+    assert from_dict(nested(f"communication.{kind}_bytes", 192)).communication.bucket == 192
+
+
 def test_the_bounds_themselves_are_possible():
     for name in NUMBERS:
         field = field_of(name)
+        if name == "communication.bucket" or name.endswith("_bytes"):
+            continue  # they bound each other
         for bound in (field.metadata["low"], field.metadata["high"]):
             if name in ("n_uav", "n_ugv", "tasks.type_shares"):
                 continue

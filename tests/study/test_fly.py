@@ -31,10 +31,12 @@ def test_processes_and_chunks_change_no_score(monkeypatch):
 def test_every_mission_leaves_its_trace(tmp_path):
     scores = study.fly(SHORT, "random", [4, 9], limitation="high", out=tmp_path)
     for seed, score in zip([4, 9], scores):
-        trace = load_trace(study.trace_path(tmp_path, SHORT, "random", seed))
+        trace = load_trace(study.trace_path(tmp_path, SHORT, "random", "abstract", "high", seed))
         assert trace.twcr() == pytest.approx(score.twcr)
         assert (trace.seed, trace.policy, trace.limitation, trace.links) == (seed, "random", "high", "abstract")
     assert len(list(tmp_path.iterdir())) == 2
+    study.fly(SHORT, "random", [4, 9], out=tmp_path)
+    assert len(list(tmp_path.iterdir())) == 4, "other conditions, other files"
 
 
 def test_intervals_hold_the_mean_and_shrink_with_the_sample():
