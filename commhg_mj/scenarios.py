@@ -95,7 +95,7 @@ class OperatorRules:
 class CommunicationRules:
     """Transport; triples are (nominal, low, high) limitation."""
 
-    range: tuple = _field((0.30, 0.24, 0.18), "of the side", "P/D", "robot-robot range; nominal [P]", 0, 2)
+    range: tuple = _field((0.30, 0.22, 0.14), "of the side", "P/D", "robot-robot range; nominal [P]", 0, 2)
     unavailable_or_delayed: tuple = _field(
         (0.10, 0.20, 0.30), "probability", "P", "lost or delayed over clear ground, in equal shares", 0, 1
     )
