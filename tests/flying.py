@@ -18,6 +18,9 @@ def plain(**fields):
         forest_share=0.0, mountain_share=0.0, malfunction=0.0, change_share=0.0, released_at_start=1.0,
         type_shares=(0.0, 0.0, 1.0), unavailable_or_delayed=(0.0, 0.0, 0.0), robot_period=1, operator_period=1,
         initial_phase=0.0, capacity=(1.0, 1.0),
+        # What calibration may change, as the tests' figures want it:
+        deadline=(90.0, 420.0), service_base=20.0, service_per_difficulty=70.0, success_autonomous=(0.95, 0.85),
+        success_controlled=(0.97, 0.15, 0.20), handover=5.0, lease=15.0, renewal_period=10.0, bid_timeout=20.0,
     )  # fmt: skip
     return change(SCENARIOS["small"], **(calm | fields))
 

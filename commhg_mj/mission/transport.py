@@ -15,17 +15,16 @@ from .access import (
     flying_of,
     message_at,
     operator_of,
-    peer_of,
     robot_of,
     scratch_of,
-    task_of,
     tip_of,
     uplink_of,
-)  # fmt: skip
+)
 from .links import link_between, link_to_station
 from .log import log_end, log_message, log_sent
 from .randomness import Event, uniform
-from .records import DONE, OPEN, freshest, write_peer
+from .records import freshest, write_peer
+from .replies import choose_tip, write_reply
 from .state import NEVER
 
 BROADCAST, TELEMETRY = int(Kind.BROADCAST), int(Kind.TELEMETRY)
@@ -36,8 +35,6 @@ DELIVERED, OUT_OF_RANGE, TERRAIN, LOST = (
 NO_TOKENS, EXPIRED, UNDERWAY = int(Fate.NO_TOKENS), int(Fate.EXPIRED), int(Fate.UNDERWAY)
 PACKET, PACKET_DELAY = int(Event.PACKET), int(Event.PACKET_DELAY)
 FAILED = int(Activity.FAILED)
-# Fatigue is reported in three classes: fresh, tiring, tired.
-TIRING, TIRED = 0.3, 0.6
 
 
 @kernel
@@ -279,47 +276,3 @@ def leave_waiting(m, waiting, now):
     """A message that still waits when the mission is over."""
     if waiting.since >= 0.0:
         finish(m, waiting.kind, waiting.log, UNDERWAY, now)
-
-
-@kernel
-def write_reply(m, message, h, tip, now):
-    """Operator h's resources, and the station's record of task `tip`, if any."""
-    operator, report = operator_of(m, h), message.resource
-    report.time = now
-    report.tokens = operator.tokens
-    report.robot = operator.robot
-    report.session = operator.session
-    report.fatigue_class = 0 if operator.fatigue < TIRING else (1 if operator.fatigue < TIRED else 2)
-    waiting = 0
-    for place in range(m.n_downlink_places):
-        waiting += downlink_of(m, h, place).since >= 0.0
-    report.queue = waiting
-    if tip != NOBODY:
-        message.records = 1
-        message.task[0] = tip
-        message.belief[0] = belief_of(m, m.n_robots, tip)
-
-
-@kernel
-def choose_tip(m, r):
-    """The most useful fresh record for robot r as far as the station knows, or NOBODY.
-
-    Its reported assignment first, if done or changed; then the nearest change that it has not been sent.
-    """
-    station = m.n_robots
-    report = peer_of(m, station, r)
-    x, y = m.station_x, m.station_y  # where all robots start
-    if report.time >= 0.0:
-        x, y = report.x, report.y
-    tip, nearest = NOBODY, 1e300
-    for j in range(m.n_tasks):
-        belief, task = belief_of(m, station, j), task_of(m, j)
-        ends = belief.status == DONE or belief.type != task.announced
-        if not ends and (belief.status == OPEN or report.task == j):
-            continue
-        if belief.time < 0.0 or belief.time <= tip_of(m, r, j).time:
-            continue
-        way = -1.0 if report.task == j else distance(task.x - x, task.y - y)
-        if way < nearest:
-            tip, nearest = j, way
-    return tip

@@ -7,7 +7,7 @@ from strategies import change
 
 from commhg_mj.mission.batch import MissionBatch, stay
 from commhg_mj.models.layout import inside_any, unit_frame
-from commhg_mj.scenarios import SCENARIOS
+from commhg_mj.scenarios import LIMITATIONS, SCENARIOS
 from commhg_mj.terms import IDLE, NOBODY, REST, Fate, Kind, Status, TaskType
 
 QUERY, REQUEST, TELEMETRY = 0, 1, 2  # places of an uplink
@@ -187,8 +187,9 @@ def test_a_broadcast_without_anybody_in_range_ends_out_of_range():
     assert count(pilot, Kind.BROADCAST)["sent"] == count(pilot, Kind.BROADCAST)["bytes"] == 0
 
 
-@pytest.mark.parametrize("limitation, share", [("nominal", 0.30), ("low", 0.24), ("high", 0.18)])
-def test_the_range_shrinks_with_the_limitation_level(limitation, share):
+@pytest.mark.parametrize("limitation", LIMITATIONS)
+def test_the_range_shrinks_with_the_limitation_level(limitation):
+    share = SCENARIOS["small"].communication.range[LIMITATIONS.index(limitation)]
     for metres, is_heard in ((share * 1000 - 1, True), (share * 1000 + 1, False)):
         pilot = Pilot(plain(map_side=1000.0), limitation=limitation)
         pilot.robots["x"], pilot.robots["y"] = [100, 100 + metres], [500, 500]
