@@ -124,7 +124,7 @@ def routes_of(m):
         carray(_pointer(m.route_frames_at), (m.n_parts, 6), np.float64),
         carray(_pointer(m.corners_at), (m.n_corners, 6), np.float64),
         carray(_pointer(m.goals_at), (m.n_tasks, 2), np.float64),
-        carray(_pointer(m.to_goal_at), (m.n_tasks, m.n_corners), np.float32),
+        carray(_pointer(m.to_goal_at), (m.n_corners, m.n_tasks), np.float32),
         carray(_pointer(m.next_hop_at), (m.n_tasks, m.n_corners), np.int16),
         carray(_pointer(m.between_at), (m.n_tasks, m.n_tasks), np.float32),
     )

@@ -11,7 +11,17 @@ from ..radio import find_link_model
 from ..scenarios import LIMITATIONS, Scenario, load_scenario
 from ..terms import IDLE, KEEP, NOBODY, REST
 from .access import operator_of, robot_of
-from .decide import ILLEGAL, N_ROBOT_RULES, Decisions, apply_decisions, find_illegal, masks_of
+from .decide import (
+    ILLEGAL,
+    N_ROBOT_RULES,
+    Decisions,
+    Masks,
+    apply_decisions,
+    copy_operator_masks,
+    copy_robot_masks,
+    find_illegal,
+    new_masks,
+)
 from .draw import draw_mission, initialize
 from .log import new_log
 from .observe import Observations, new_observations, observe_operator, observe_robot
@@ -23,38 +33,36 @@ LOWEST, HIGHEST = np.iinfo(np.int32).min, np.iinfo(np.int32).max
 
 
 @kernel
-def advance_all(missions, due):
-    """Advance all missions until somebody in each is due; counts due robots and operators in `due` [2]."""
-    for e in range(missions.shape[0]):
-        m = missions[e]
-        if m.over:
-            continue
-        advance(m)
-        if not m.over:
-            for r in range(m.n_robots):
-                due[0] += robot_of(m, r).due
-            for h in range(m.n_operators):
-                due[1] += operator_of(m, h).due
+def advance_and_observe(missions, seen, masks):
+    """Advance every mission until somebody in it is due, and observe for all who are.
 
+    Mission by mission, so that its arrays are still in the processor's cache when they are observed.
 
-@kernel
-def observe_due(missions, seen):
-    """Fill the observations of all due actors."""
+    Args:
+      seen, masks: room for every actor of every mission; the first rows are filled.
+
+    Returns:
+      How many robots and operators are due.
+    """
     i, k = 0, 0
     for e in range(missions.shape[0]):
         m = missions[e]
+        advance(m)
         if m.over:
             continue
         for r in range(m.n_robots):
             if robot_of(m, r).due:
                 seen.robots[i].mission = e
                 observe_robot(m, r, seen.robots[i], seen.robot_tasks[i], seen.robot_peers[i], seen.robot_operators[i])
+                copy_robot_masks(seen, masks, i)
                 i += 1
         for h in range(m.n_operators):
             if operator_of(m, h).due:
                 seen.operators[k].mission = e
                 observe_operator(m, h, seen.operators[k], seen.operator_reports[k])
+                copy_operator_masks(seen, masks, k)
                 k += 1
+    return i, k
 
 
 class MissionBatch:
@@ -128,11 +136,10 @@ class MissionBatch:
         return observations
 
     def _advance(self) -> Observations:
-        due = np.zeros(2, np.int64)
-        advance_all(self.state.missions, due)
-        self.observations = new_observations(due[0], due[1], self.scenario)
-        observe_due(self.state.missions, self.observations)
-        self._masks = masks_of(self.observations)
+        seen, masks = new_observations(len(self.seeds), self.scenario), new_masks(len(self.seeds), self.scenario)
+        n, k = advance_and_observe(self.state.missions, seen, masks)
+        self.observations = Observations(*(table[:rows] for table, rows in zip(seen, (n, n, n, n, k, k))))
+        self._masks = Masks(*(table[:rows] for table, rows in zip(masks, (n, n, n, k, k))))
         return self.observations
 
     def _check(self, decisions) -> Decisions:

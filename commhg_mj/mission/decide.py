@@ -9,6 +9,7 @@ from ..terms import IDLE, KEEP, NOBODY, REST, Kind, Session
 from .access import belief_of, operator_of, robot_of, task_of, uplink_of
 from .control import bid, renew, withdraw
 from .log import log_operator_decision, log_robot_decision
+from .observe import OPERATOR_SEES, ROBOT_SEES
 from .service import drop_task, take_task
 from .transport import broadcast, displace, enqueue
 
@@ -57,15 +58,34 @@ class Masks(NamedTuple):
     supervised: np.ndarray  # [operators due, R] i1
 
 
-def masks_of(observations) -> Masks:
-    """Copies out of observations."""
+def new_masks(n_missions: int, scenario) -> Masks:
+    """Room for every actor of a batch."""
+    n, k = n_missions * scenario.n_robots, n_missions * scenario.n_operators
     return Masks(
-        observations.robots.copy(),
-        np.ascontiguousarray(observations.robot_tasks["legal"]),
-        np.ascontiguousarray(observations.robot_operators["legal"]),
-        observations.operators.copy(),
-        np.ascontiguousarray(observations.operator_reports["legal"]),
+        np.empty(n, ROBOT_SEES),
+        np.empty((n, scenario.n_tasks), np.int8),
+        np.empty((n, scenario.n_operators), np.int8),
+        np.empty(k, OPERATOR_SEES),
+        np.empty((k, scenario.n_robots), np.int8),
     )
+
+
+@kernel
+def copy_robot_masks(observations, masks, i):
+    """Keep what robot row i was shown of itself and of its masks."""
+    masks.robots[i] = observations.robots[i]
+    for j in range(masks.tasks.shape[1]):
+        masks.tasks[i, j] = observations.robot_tasks[i, j].legal
+    for h in range(masks.queries.shape[1]):
+        masks.queries[i, h] = observations.robot_operators[i, h].legal
+
+
+@kernel
+def copy_operator_masks(observations, masks, k):
+    """The same for operator row k."""
+    masks.operators[k] = observations.operators[k]
+    for r in range(masks.supervised.shape[1]):
+        masks.supervised[k, r] = observations.operator_reports[k, r].legal
 
 
 @kernel

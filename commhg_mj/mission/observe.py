@@ -66,15 +66,15 @@ class Observations(NamedTuple):
     operator_reports: np.ndarray  # [operators due, R] REPORT_SEEN
 
 
-def new_observations(n_robots_due: int, n_operators_due: int, scenario) -> Observations:
-    """Room for that many due actors."""
-    n, k = n_robots_due, n_operators_due
+def new_observations(n_missions: int, scenario) -> Observations:
+    """Room for every actor of a batch; memory is taken only for the rows that are written."""
+    n, k = n_missions * scenario.n_robots, n_missions * scenario.n_operators
     return Observations(
-        np.zeros(n, ROBOT_SEES),
+        np.empty(n, ROBOT_SEES),
         np.empty((n, scenario.n_tasks), TASK_SEEN),
         np.empty((n, scenario.n_robots), PEER_SEEN),
         np.empty((n, scenario.n_operators), OPERATOR_SEEN),
-        np.zeros(k, OPERATOR_SEES),
+        np.empty(k, OPERATOR_SEES),
         np.empty((k, scenario.n_robots), REPORT_SEEN),
     )
 

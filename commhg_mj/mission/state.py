@@ -147,7 +147,7 @@ class Ground(NamedTuple):
     route_frames: np.ndarray  # [parts, 6] inflated footprints -> unit circle
     corners: np.ndarray  # [corners, 6]
     goals: np.ndarray  # [T, 2]
-    to_goal: np.ndarray  # [T, corners] f4
+    to_goal: np.ndarray  # [corners, T] f4
     next_hop: np.ndarray  # [T, corners] i2
     between: np.ndarray  # [T, T] f4
     intervals: np.ndarray  # [2, parts] scratch of a link

@@ -26,7 +26,7 @@ class Routes(NamedTuple):
     frames: np.ndarray  # [parts, 6] inflated ellipse -> unit circle, see layout.unit_frame
     corners: np.ndarray  # [corners, 6] x, y, previous x, y, next x, y on its polygon
     goals: np.ndarray  # [goals, 2]
-    to_goal: np.ndarray  # [goals, corners] f4: shortest route from a corner, inf where none
+    to_goal: np.ndarray  # [corners, goals] f4: shortest route from a corner, inf where none
     next_hop: np.ndarray  # [goals, corners] i2: next corner on it, or DIRECT
     between: np.ndarray  # [goals, goals] f4: shortest routes between goals on free ground, else inf
 
@@ -127,9 +127,8 @@ def find_visible(frames, corners, x, y, scratch):
 def best_start(to_goal, goal, scratch, count):
     """(length, corner) of the shortest route to `goal` over the visible corners; (inf, DIRECT) if none."""
     best, corner = np.inf, DIRECT
-    row = to_goal[goal]
     for k in range(count):
-        length = scratch.distance[k] + row[scratch.found[k]]
+        length = scratch.distance[k] + to_goal[scratch.found[k], goal]
         if length < best:
             best, corner = length, scratch.found[k]
     return best, corner
@@ -152,9 +151,12 @@ def measure_goals(routes, x, y, wanted, count, lengths, scratch):
     if blocked == 0:
         return
     n_visible = find_visible(routes.frames, routes.corners, x, y, scratch)
-    for k in range(count):
-        if lengths[k] == np.inf:
-            lengths[k] = best_start(routes.to_goal, wanted[k], scratch, n_visible)[0]
+    for i in range(n_visible):  # corner by corner, so that memory is read in rows
+        way, corner = scratch.distance[i], scratch.found[i]
+        for k in range(count):
+            length = way + routes.to_goal[corner, wanted[k]]
+            if length < lengths[k]:
+                lengths[k] = length
 
 
 @kernel
@@ -260,7 +262,7 @@ class Roadmap:
             frames=self.frames,
             corners=self.corners,
             goals=np.ascontiguousarray(goals),
-            to_goal=np.ascontiguousarray(to_goal[:, :n], np.float32),
+            to_goal=np.ascontiguousarray(to_goal[:, :n].T, np.float32),
             next_hop=np.ascontiguousarray(hop, np.int16),
             between=np.full((g, g), np.inf, np.float32),
         )

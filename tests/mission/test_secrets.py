@@ -7,7 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from strategies import limitations, scenarios, seeds
 
-from commhg_mj.mission.batch import MissionBatch, observe_due
+from commhg_mj.mission.batch import MissionBatch, advance_and_observe
+from commhg_mj.mission.decide import new_masks
 from commhg_mj.mission.observe import UNKNOWN, new_observations
 from commhg_mj.policies import POLICIES, prepare
 from commhg_mj.terms import NOBODY, Activity
@@ -82,9 +83,9 @@ def keep_operator(state, truth, h):
 
 
 def observe(batch, n_robots, n_operators):
-    seen = new_observations(n_robots, n_operators, batch.scenario)
-    observe_due(batch.state.missions, seen)
-    return seen
+    seen, masks = new_observations(1, batch.scenario), new_masks(1, batch.scenario)
+    assert advance_and_observe(batch.state.missions, seen, masks) == (n_robots, n_operators)
+    return type(seen)(*(table[:n] for table, n in zip(seen, [n_robots] * 4 + [n_operators] * 2)))
 
 
 def assert_nothing_leaks(batch, seed):
