@@ -5,7 +5,7 @@ from flying import Wanderer, WatchedBatch, fly
 from hypothesis import given, settings
 from strategies import change, limitations, scenarios, seeds
 
-from commhg_mj.mission.transport import TIRED, TIRING
+from commhg_mj.mission.replies import TIRED, TIRING
 from commhg_mj.scenarios import SCENARIOS
 from commhg_mj.terms import Activity, Status
 
