@@ -41,8 +41,14 @@ def _cache_dir() -> Path:
     return Path(tempfile.mkdtemp(prefix="commhg_mj-kernels-"))
 
 
+def _installation() -> str:
+    """numba files its work by the paths and times of sources: another installation compiles for itself."""
+    newest = max(path.stat().st_mtime_ns for room in ROOMS for path in (PACKAGE / room).glob("*.py"))
+    return hashlib.sha256(f"{PACKAGE} {newest}".encode()).hexdigest()[:8]
+
+
 CACHE_DIR = _cache_dir()
-COMPILED = CACHE_DIR / "compiled"  # left behind once every kernel has been compiled
+COMPILED = CACHE_DIR / f"compiled-{_installation()}"  # left behind once every kernel has been compiled
 numba.config.CACHE_DIR = str(CACHE_DIR)
 
 kernel = numba.njit(cache=True, nogil=True, error_model="numpy")
