@@ -22,7 +22,7 @@ from .access import (
     robot_of,
     robot_row,
     task_of,
-)  # fmt: skip
+)
 from .links import link_between, link_to_station
 
 SAMPLE_PERIOD = 5  # s between samples of links and records

@@ -21,7 +21,7 @@ from .access import (
     scratch_of,
     task_of,
     uplink_of,
-)  # fmt: skip
+)
 from .records import DONE, OPEN, believed_type, is_compatible, is_ruled_out
 from .state import record
 

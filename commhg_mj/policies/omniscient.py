@@ -22,7 +22,7 @@ from ..mission.service import (
     controlled_seconds,
     controlled_success,
     timeliness,
-)  # fmt: skip
+)
 from ..models.routes import distance, measure_goals
 from ..terms import IDLE, NOBODY, REST, Activity, Embodiment, Mode, Session
 
