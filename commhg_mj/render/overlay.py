@@ -83,8 +83,9 @@ class Overlay:
             self._line(dense[start : start + 2], colour, width, alpha)
 
     def _links(self, moment, robots):
-        """Each robot's best links, and its link to the station."""
-        quality = moment.link_quality
+        """Each living robot's best links, and its link to the station."""
+        alive = moment.activity != Activity.FAILED
+        quality = moment.link_quality * alive[:, None] * np.append(alive, True)
         ends = np.concatenate([robots, self.station[None]])
         mutual = np.maximum(quality[:, :-1], quality[:, :-1].T)
         best = np.argsort(-mutual, axis=1, kind="stable")[:, :NEIGHBOURS]
