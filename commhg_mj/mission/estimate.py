@@ -1,7 +1,7 @@
 """What a task is worth to a robot, as far as rules and public attributes tell (initializer, references)."""
 
 from ..kernels import kernel
-from .service import autonomous_seconds, autonomous_success, controlled_success, timeliness
+from .service import autonomous_seconds, autonomous_success, controlled_success, slowdown, timeliness
 
 
 @kernel
@@ -25,9 +25,8 @@ def expected_utility(rules, distance, speed, difficulty, value, deadline, decay,
 def control_gain(rules, proficiency, fatigue, embodiment, distance, progress, difficulty, value, deadline, decay, now):
     """What control would add, per second, to the rest of a robot's current attempt; negative if it harms."""
     base = autonomous_seconds(rules, difficulty) * (1.0 - progress)
-    slowdown = proficiency * (1.0 + rules.fatigue_slowdown * fatigue)
     alone = 1.0 + distance / rules.speed[0, embodiment] + base
-    controlled = 1.0 + rules.handover + distance / rules.speed[1, embodiment] + base * slowdown
+    controlled = 1.0 + rules.handover + distance / rules.speed[1, embodiment] + base * slowdown(rules, proficiency, fatigue)
     worth_alone = autonomous_success(rules, difficulty) * timeliness(deadline, decay, now + alone) / alone
     worth_controlled = (
         controlled_success(rules, difficulty, fatigue) * timeliness(deadline, decay, now + controlled) / controlled

@@ -64,8 +64,7 @@ def plan_route(m, r):
     """Aim at the task, for a ground robot over the first corner of its shortest route."""
     robot = robot_of(m, r)
     task = task_of(m, robot.task)
-    robot.hop = DIRECT
-    robot.waypoint_x, robot.waypoint_y = task.x, task.y
+    aim_at_corner(m, robot, DIRECT)
     routes = routes_of(m)
     if robot.embodiment != UGV or is_clear(routes.frames, robot.x, robot.y, task.x, task.y):
         return
@@ -128,10 +127,15 @@ def autonomous_seconds(rules, difficulty):
 
 
 @kernel
+def slowdown(rules, proficiency, fatigue):
+    """Factor on the service time under control."""
+    return proficiency * (1.0 + rules.fatigue_slowdown * fatigue)
+
+
+@kernel
 def controlled_seconds(rules, operator, embodiment, difficulty):
     """Service time under control of `operator`."""
-    slowdown = operator.proficiency[embodiment] * (1.0 + rules.fatigue_slowdown * operator.fatigue)
-    return autonomous_seconds(rules, difficulty) * slowdown
+    return autonomous_seconds(rules, difficulty) * slowdown(rules, operator.proficiency[embodiment], operator.fatigue)
 
 
 @kernel

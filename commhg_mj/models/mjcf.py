@@ -42,11 +42,6 @@ class Group(IntEnum):
     CANOPY = 4  # cylinders for rays only; pictures hide them. Opaque enough for mj_ray, which skips alpha 0
 
 
-def robot_body_name(scenario, robot: int) -> str:
-    """The mocap body of a robot; its mocap id is the robot's index, UAVs first."""
-    return scenario.robot_names[robot]
-
-
 def display_scale(side: float) -> float:
     """Span [m] at which robots are drawn: on a 2 km map a real one would be smaller than a pixel."""
     return round(max(1.0, side / 100), 1)

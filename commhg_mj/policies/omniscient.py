@@ -24,11 +24,10 @@ from ..mission.service import (
     timeliness,
 )
 from ..models.routes import distance, measure_goals
-from ..terms import IDLE, NOBODY, REST, Activity, Embodiment, Mode, Session
+from ..terms import IDLE, NOBODY, REST, Activity, Embodiment, Mode
 
 UGV, CONTROLLED = int(Embodiment.UGV), int(Mode.CONTROLLED)
 FAILED, SERVICING = int(Activity.FAILED), int(Activity.SERVICING)
-HELD = int(Session.HELD)
 WAITS = 0.9  # how sure a task that is left now is done after the backlog
 LOYALTY = 1.1  # a robot's present target counts this many times: assignments do not flicker
 HOLD = 2.0  # likewise the robot that an operator holds when its task is done: handovers cost time
@@ -142,9 +141,8 @@ def regret(m, robot, task, travel, backlog):
     else:
         success, service = autonomous_success(rules, task.difficulty), autonomous_seconds(rules, task.difficulty)
     seconds = travel + service / max(0.05, success)
-    then = timeliness(task.deadline, task.decay, min(float(rules.time_limit), now + seconds + backlog))
-    if now + seconds + backlog > rules.time_limit:
-        then = 0.0
+    later = now + seconds + backlog
+    then = timeliness(task.deadline, task.decay, later) if later <= rules.time_limit else 0.0
     return task.value * (timeliness(task.deadline, task.decay, now + seconds) - WAITS * then) / seconds
 
 

@@ -71,7 +71,7 @@ def test_names(world, bare, model, pictures):
     each = model if pictures else bare
     scenario = world.scenario
     for robot in range(scenario.n_robots):
-        assert each.body(mjcf.robot_body_name(scenario, robot)).mocapid == robot
+        assert each.body(scenario.robot_names[robot]).mocapid == robot
     bodies = {each.body(i).name for i in range(each.nbody)}
     assert bodies >= {"station", "mast", "operator5", "poi111"}
     assert {each.camera(i).name for i in range(each.ncam)} == {"overview", "station", "map"}
