@@ -10,6 +10,7 @@ import tempfile
 from pathlib import Path
 
 import numba
+import numpy as np
 
 PACKAGE = Path(__file__).parent
 ROOMS = ("models", "radio", "mission", "policies")  # where kernels live
@@ -19,7 +20,7 @@ def _source_hash() -> str:
     digest = hashlib.sha256(numba.__version__.encode())
     sources = [path.read_bytes() for room in ROOMS for path in sorted((PACKAGE / room).glob("*.py"))]
     for source in [(PACKAGE / name).read_bytes() for name in ("kernels.py", "terms.py")] + sources:
-        if b"kernel" in source or b"Enum" in source or b"record(" in source:
+        if b"kernel" in source or b"formula" in source or b"Enum" in source or b"record(" in source:
             digest.update(source)
     return digest.hexdigest()[:16]
 
@@ -52,3 +53,9 @@ COMPILED = CACHE_DIR / f"compiled-{_installation()}"  # left behind once every k
 numba.config.CACHE_DIR = str(CACHE_DIR)
 
 kernel = numba.njit(cache=True, nogil=True, error_model="numpy")
+formula = numba.vectorize(cache=True)  # of numbers inside kernels, of arrays outside
+
+
+def record(**fields) -> np.dtype:
+    """A record type for kernels from field=type or field=(type, shape)."""
+    return np.dtype([(name, *(kind if isinstance(kind, tuple) else (kind,))) for name, kind in fields.items()], align=True)

@@ -13,12 +13,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 LIMITATIONS = ("nominal", "low", "high")
+PROFILES = ("matched", "edge", "radio")  # calibrations of the ray-cast link
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")  # names of scenarios go into names of files
 
 
-def _field(default, unit, mark, doc, low=None, high=None):
-    """A scenario field; `low` and `high` are inclusive bounds of every number in it."""
-    metadata = {"unit": unit, "mark": mark, "doc": doc, "low": low, "high": high}
+def _field(default, unit, mark, doc, low=None, high=None, choices=()):
+    """A scenario field; `low` and `high` are inclusive bounds of every number in it, `choices` its words."""
+    metadata = {"unit": unit, "mark": mark, "doc": doc, "low": low, "high": high, "choices": choices}
     return dataclasses.field(default=default, metadata=metadata)
 
 
@@ -120,6 +121,34 @@ class CommunicationRules:
 
 
 @dataclass(frozen=True)
+class RadioRules:
+    """The ray-cast link's budget, and the abstract link fitted to it (design: radio.md; formulas: radio/budget.py)."""
+
+    profile: str = _field(
+        "matched", "", "D", "matched: capped range, clear links as the abstract ones; edge: 95 % at the range by SNR alone; "
+        "radio: an unmodified radio", choices=PROFILES,
+    )  # fmt: skip
+    frequency: float = _field(2.4, "GHz", "D", "carrier", 0.1, 100)
+    transmit_power: float = _field(20.0, "dBm", "D", "with antennas of 0 dBi", 0, 60)
+    bandwidth: float = _field(20.0, "MHz", "D", "of the noise", 0.001, 1000)
+    noise_figure: float = _field(7.0, "dB", "D", "of the receiver", 0, 40)
+    margin: float = _field(15.0, "dB", "D", "matched: of a clear link at the nominal range over the 50 % point", 0, 60)
+    foliage: str = _field("itu", "", "D", "P.833-10 eq. 1, or Weissberger's model", choices=("itu", "weissberger"))
+    foliage_rate: float = _field(0.382, "dB/m", "D", "P.833's gamma, for short ways at the carrier", 0, 10)
+    foliage_limit: float = _field(36.0, "dB", "D", "P.833's A_m, for long ways at the carrier", 0.1, 200)
+    diffraction: str = _field(
+        "edge", "", "D", "P.526's knife edge at the Bullington point, bullington adds its correction",
+        choices=("edge", "bullington"),
+    )  # fmt: skip
+    shadowing: float = _field(0.0, "dB", "D", "sigma of log-normal shadowing; 0: none, 4 is usual", 0, 20)
+    shadowing_length: float = _field(25.0, "m", "D", "along this way shadowing decorrelates to 1/e", 0.1, 1e4)
+    uav_antenna: float = _field(0.0, "m", "D", "above the UAV's flight height", 0, 50)
+    ugv_antenna: float = _field(1.0, "m", "D", "above the ground; the station's is world.mast_height", 0.1, 50)
+    fitted_forest_decay: float = _field(73.0, "m", "D", "abstract-fit: l_f by maximum likelihood", 0.01, 1e9)
+    fitted_mountain_decay: float = _field(10.0, "m", "D", "abstract-fit: l_m, likewise", 0.01, 1e9)
+
+
+@dataclass(frozen=True)
 class DecisionRules:
     """When actors decide, and the shared mechanisms."""
 
@@ -159,6 +188,7 @@ class Scenario:
     tasks: TaskRules = TaskRules()
     operators: OperatorRules = OperatorRules()
     communication: CommunicationRules = CommunicationRules()
+    radio: RadioRules = RadioRules()
     decisions: DecisionRules = DecisionRules()
     reward: RewardRules = RewardRules()
 
@@ -209,6 +239,11 @@ def _check(rules, prefix):
 
 def _check_value(name, value, field):
     default = field.default
+    choices = field.metadata["choices"]
+    if choices:
+        if value not in choices:
+            raise ValueError(f"{name} must be one of {', '.join(choices)}, is {value!r}")
+        return
     if isinstance(default, str):
         if not isinstance(value, str) or not NAME.fullmatch(value):
             raise ValueError(f"{name} must be up to 64 letters, digits, '-', '_' or '.', and begin with one, is {value!r}")

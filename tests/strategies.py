@@ -4,6 +4,7 @@ import dataclasses
 
 from hypothesis import strategies as st
 
+from commhg_mj.radio import LINK_MODELS
 from commhg_mj.scenarios import (
     LIMITATIONS,
     CommunicationRules,
@@ -17,7 +18,7 @@ from commhg_mj.scenarios import (
 
 seeds = st.integers(0, 2**63 - 1)
 limitations = st.sampled_from(LIMITATIONS)
-link_models = st.sampled_from(["abstract", "abstract", "perfect"])
+link_models = st.sampled_from(list(LINK_MODELS))
 
 
 def pairs(low, high):

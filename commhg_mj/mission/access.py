@@ -14,7 +14,11 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 
 from ..kernels import kernel
+from ..models.rays import CALLS, CANOPY, RAY
 from ..models.routes import Routes, Scratch
+from ..models.terrain import MOUNTAIN
+from ..radio.obstacles import Obstacles
+from ..radio.rules import LINK
 from . import state as s
 
 WORD = ir.IntType(64)
@@ -100,21 +104,19 @@ resource_row = _accessor(s.RESOURCE_ROW, "log_resources_at", "n_operators")  # (
 
 
 @kernel
-def footprints(m):
-    """[parts, 6] maps of footprints to the unit circle."""
-    return carray(_pointer(m.frames_at), (m.n_parts, 6), np.float64)
-
-
-@kernel
-def footprint_kinds(m):
-    """[parts] Footprint."""
-    return carray(_pointer(m.kinds_at), (m.n_parts,), np.int32)
-
-
-@kernel
-def intervals(m):
-    """[2, parts] scratch of a link."""
-    return carray(_pointer(m.intervals_at), (2, m.n_parts), np.float64)
+def obstacles_of(m):
+    """What the links of the mission's world have to pass."""
+    return Obstacles(
+        carray(_pointer(m.frames_at), (m.n_parts, 6), np.float64),
+        carray(_pointer(m.kinds_at), (m.n_parts,), np.int32),
+        carray(_pointer(m.canopies_at), (m.n_canopies,), CANOPY),
+        carray(_pointer(m.mountains_at), (m.n_mountains,), MOUNTAIN),
+        carray(_pointer(m.calls_at), (1,), CALLS),
+        carray(_pointer(m.waves_at), (m.n_waves, 3), np.float64),
+        carray(_pointer(m.intervals_at), (2, m.n_parts), np.float64),
+        carray(_pointer(m.ray_at), (1,), RAY),
+        carray(_pointer(m.link_at), (1,), LINK),
+    )
 
 
 @kernel

@@ -7,8 +7,8 @@ import numpy as np
 
 from ..kernels import kernel
 from ..models.world import World, make_world
-from ..radio import find_link_model
-from ..scenarios import LIMITATIONS, Scenario, load_scenario
+from ..radio.rules import radio_rules
+from ..scenarios import Scenario, load_scenario
 from ..terms import IDLE, KEEP, NOBODY, REST
 from .access import operator_of, robot_of
 from .decide import (
@@ -90,17 +90,16 @@ class MissionBatch:
         self.seeds = [check_seed(seed) for seed in seeds]
         if not self.seeds:
             raise ValueError("seeds: at least one mission is needed")
-        if limitation not in LIMITATIONS:
-            raise ValueError(f"unknown limitation {limitation!r}: use {', '.join(LIMITATIONS)}")
         self.links, self.limitation, self.record = links, limitation, record
-        self._link_model = find_link_model(links)
+        radio_rules(self.scenario, links, limitation)  # refuses both by name before any world is made
         self.worlds: list[World] = [make_world(self.scenario, seed) for seed in self.seeds]
-        self._grounds = [ground_of(world) for world in self.worlds]
+        self._grounds = [ground_of(world, links) for world in self.worlds]
         self.reset()
 
     def __setstate__(self, attributes):
         """A copy or an unpickled batch has arrays of its own: its missions must find those."""
         self.__dict__.update(attributes)
+        self._grounds = [ground_of(world, self.links) for world in self.worlds]
         wire(self.state, self._grounds, self.log)
 
     def reset(self) -> Observations:
@@ -109,7 +108,7 @@ class MissionBatch:
         self.state: State = new_state(n, self.scenario)
         self.log = new_log(n, self.scenario, self.record)
         wire(self.state, self._grounds, self.log)
-        write_rules(self.state.missions, self.scenario, self._link_model, LIMITATIONS.index(self.limitation))
+        write_rules(self.state.missions, self.scenario, self.links, self.limitation)
         for e, world in enumerate(self.worlds):
             draw_mission(self.state, e, world)
         initialize(self.state)

@@ -5,6 +5,7 @@ from scipy.optimize import linear_sum_assignment
 
 from ..kernels import kernel
 from ..models.world import World
+from ..radio import LinkModel
 from ..terms import NOBODY, Embodiment, TaskType
 from .access import robot_of, task_of
 from .estimate import expected_utility
@@ -33,9 +34,17 @@ def draw_mission(state, e: int, world: World) -> None:
     robots["next_telemetry"] = 1 + np.arange(scenario.n_robots) % scenario.communication.telemetry_period
     robots["last_broadcast"] = -1 - np.arange(scenario.n_robots) % scenario.decisions.robot_period
     mission = state.missions[e : e + 1]
+    is_shuffled = mission["rules"]["radio"]["link_model"][0] == LinkModel.RAYCAST_SHUFFLED
+    robots["radio_of"] = others(scenario.n_robots, world.seed) if is_shuffled else np.arange(scenario.n_robots)
     mission["seed"] = world.seed
     mission["station_x"], mission["station_y"] = world.layout.station
     mission["total_value"] = state.tasks[e]["value"].sum()
+
+
+def others(n: int, seed: int) -> np.ndarray:
+    """[n] for each of n robots another one: a random cycle."""
+    order = np.random.default_rng([seed, STREAM, 1]).permutation(n)
+    return order[np.argsort(np.roll(order, 1))]
 
 
 def draw_tasks(tasks, world: World, rng) -> None:

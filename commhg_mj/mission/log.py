@@ -5,7 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..kernels import kernel
-from ..terms import NOBODY
+from ..radio.links import fates
+from ..terms import NOBODY, Kind
 from . import state as s
 from .access import (
     belief_of,
@@ -26,6 +27,7 @@ from .access import (
 from .links import link_between, link_to_station
 
 SAMPLE_PERIOD = 5  # s between samples of links and records
+BROADCAST, TELEMETRY = int(Kind.BROADCAST), int(Kind.TELEMETRY)
 NOT_DECIDED = -9  # a choice column where the actor did not decide in that second
 
 
@@ -136,15 +138,21 @@ def log_tick(m):
 
 @kernel
 def sample_links(m, k):
-    """Percent of messages that each link would deliver now; 0 out of range."""
-    clear = 50.0 * (1.0 + m.rules.on_time)
+    """Percent of messages that each link would deliver now, broadcasts or telemetry; 0 out of range."""
     n = m.n_robots
     for a in range(n):
         for b in range(a):
-            percent = np.uint8(clear * link_between(m, a, b) + 0.5)
+            percent = percent_delivered(m, link_between(m, a, b, BROADCAST))
             link_row(m, k * n + a, b).percent = percent
             link_row(m, k * n + b, a).percent = percent
-        link_row(m, k * n + a, n).percent = np.uint8(clear * link_to_station(m, a) + 0.5)
+        link_row(m, k * n + a, n).percent = percent_delivered(m, link_to_station(m, a, TELEMETRY))
+
+
+@kernel
+def percent_delivered(m, passing):
+    """Percent of messages that arrive, in time or late."""
+    on_time, late = fates(m.rules.radio, passing)
+    return np.uint8(100.0 * (on_time + late) + 0.5)
 
 
 @kernel

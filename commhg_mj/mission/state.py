@@ -10,10 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..models.layout import unit_frame
+from ..kernels import record
 from ..models.routes import new_scratch
 from ..models.world import World
-from ..radio import LinkModel
+from ..radio.obstacles import make_obstacles
+from ..radio.rules import RADIO, radio_rules
 from ..scenarios import Scenario
 from ..terms import Fate, Kind
 
@@ -22,16 +23,11 @@ MAX_SHARED = 8  # task records in one message
 N_UPLINK_PLACES = 3  # query, request, telemetry, by priority
 
 
-def record(**fields) -> np.dtype:
-    """A record type from field=type or field=(type, shape)."""
-    return np.dtype([(name, *(kind if isinstance(kind, tuple) else (kind,))) for name, kind in fields.items()], align=True)
-
-
 RULES = record(  # a scenario's numbers as the kernels read them
-    link_model="i8", robot_period="i8", operator_period="i8", out_degree="i8", delay="i8", late_low="i8", late_high="i8",
+    radio=(RADIO,), robot_period="i8", operator_period="i8", out_degree="i8", delay="i8", late_low="i8", late_high="i8",
     time_limit="i8", initial_phase_end="i8", broadcast_records="i8", telemetry_records="i8",
     message_bytes=("i8", (len(Kind),)), speed=("f8", (2, 2)), hazard="f8", controlled_hazard="f8", sensing_radius="f8",
-    range="f8", on_time="f8", forest_decay="f8", mountain_decay="f8", bucket="f8", refill="f8", time_to_live="f8",
+    bucket="f8", refill="f8", time_to_live="f8",
     telemetry_period="f8", service_base="f8", service_per_difficulty="f8", success_autonomous=("f8", (2,)),
     success_controlled=("f8", (3,)), fatigue_rate="f8", recovery_rate="f8", travel_workload="f8",
     service_workload=("f8", (2,)), fatigue_slowdown="f8", handover="f8", lease="f8", renewal_period="f8", bid_timeout="f8",
@@ -41,14 +37,15 @@ RULES = record(  # a scenario's numbers as the kernels read them
 # Where the arrays of one mission lie (mission/access.py): its state, its world, scratch, its log.
 ADDRESSES = (
     "robots_at", "operators_at", "tasks_at", "beliefs_at", "peers_at", "inboxes_at", "resources_at", "tips_at", "uplinks_at",
-    "downlinks_at", "air_at", "flying_at", "counters_at", "frames_at", "kinds_at", "route_frames_at", "corners_at",
-    "goals_at", "to_goal_at", "next_hop_at", "between_at", "intervals_at", "found_at", "distance_at", "dx_at", "dy_at",
+    "downlinks_at", "air_at", "flying_at", "counters_at", "frames_at", "kinds_at", "canopies_at", "mountains_at", "calls_at",
+    "waves_at", "intervals_at", "ray_at", "link_at", "route_frames_at", "corners_at", "goals_at", "to_goal_at", "next_hop_at",
+    "between_at", "found_at", "distance_at", "dx_at", "dy_at",
     "clearance_at", "log_robots_at", "log_operators_at",
     "log_messages_at", "log_rewards_at", "log_links_at", "log_beliefs_at", "log_peers_at", "log_resources_at",
 )  # fmt: skip
 COUNTS = (
-    "n_robots", "n_operators", "n_tasks", "n_uplink_places", "n_downlink_places", "n_parts", "n_corners", "n_link_columns",
-    "n_log_ticks", "n_log_messages",
+    "n_robots", "n_operators", "n_tasks", "n_uplink_places", "n_downlink_places", "n_parts", "n_canopies", "n_mountains",
+    "n_waves", "n_corners", "n_link_columns", "n_log_ticks", "n_log_messages",
 )  # fmt: skip
 
 MISSION = record(
@@ -60,7 +57,8 @@ MISSION = record(
 
 ROBOT = record(
     embodiment="i8", x="f8", y="f8", activity="i8", mode="i8", task="i8", controller="i8", waypoint_x="f8", waypoint_y="f8",
-    hop="i8", place="i8", handover_until="f8", lease_until="f8", tokens="f8", due="i8", prescribed="i8", next_decision="i8",
+    hop="i8", place="i8", radio_of="i8",
+    handover_until="f8", lease_until="f8", tokens="f8", due="i8", prescribed="i8", next_decision="i8",
     next_telemetry="f8", last_broadcast="f8", last_request="f8", failed_at="f8",
 )  # fmt: skip
 
@@ -142,15 +140,21 @@ class State(NamedTuple):
 class Ground(NamedTuple):
     """One world as the kernels read it."""
 
-    frames: np.ndarray  # [parts, 6] footprints -> unit circle
-    kinds: np.ndarray  # [parts] Footprint
+    frames: np.ndarray  # this and the next eight: radio.obstacles.Obstacles
+    kinds: np.ndarray
+    canopies: np.ndarray
+    mountains: np.ndarray
+    calls: np.ndarray
+    waves: np.ndarray
+    intervals: np.ndarray
+    ray: np.ndarray
+    link: np.ndarray
     route_frames: np.ndarray  # [parts, 6] inflated footprints -> unit circle
     corners: np.ndarray  # [corners, 6]
     goals: np.ndarray  # [T, 2]
     to_goal: np.ndarray  # [corners, T] f4
     next_hop: np.ndarray  # [T, corners] i2
     between: np.ndarray  # [T, T] f4
-    intervals: np.ndarray  # [2, parts] scratch of a link
     found: np.ndarray  # this and the rest: scratch of a route query (models/routes.py)
     distance: np.ndarray
     dx: np.ndarray
@@ -198,19 +202,20 @@ def new_state(n_missions: int, scenario: Scenario) -> State:
     return state
 
 
-def ground_of(world: World) -> Ground:
-    """The kernels' arrays of a world; its static ones are shared, scratch is its own."""
-    parts, routes = world.layout.parts, world.routes
+def ground_of(world: World, links: str) -> Ground:
+    """The kernels' arrays of a world under a link model; its static ones are shared, scratch is its own.
+
+    `world` must outlive them: they may hold the address of its MuJoCo model.
+    """
+    routes = world.routes
     return Ground(
-        frames=unit_frame(parts),
-        kinds=np.ascontiguousarray(parts["kind"]),
+        **make_obstacles(world, links)._asdict(),
         route_frames=routes.frames,
         corners=routes.corners,
         goals=routes.goals,
         to_goal=routes.to_goal,
         next_hop=routes.next_hop,
         between=routes.between,
-        intervals=np.empty((2, max(1, len(parts)))),
         **new_scratch(len(routes.corners), len(routes.goals))._asdict(),
     )
 
@@ -229,6 +234,8 @@ def wire(state: State, grounds: list[Ground], log) -> None:
     for e, ground in enumerate(grounds):
         mission = missions[e]
         mission["n_parts"], mission["n_corners"] = len(ground.frames), len(ground.corners)
+        for name in ("canopies", "mountains", "waves"):
+            mission[f"n_{name}"] = len(getattr(ground, name))
         for prefix, arrays in (("", state._asdict()), ("log_", log._asdict())):
             for name, array in arrays.items():
                 if name != "missions":
@@ -238,24 +245,22 @@ def wire(state: State, grounds: list[Ground], log) -> None:
             mission[f"{name}_at"] = array.ctypes.data
 
 
-def write_rules(missions, scenario: Scenario, link_model: int, limitation: int) -> None:
-    """Fill in the scenario's numbers under one link model and one limitation level (index)."""
+def write_rules(missions, scenario: Scenario, links: str, limitation: str) -> None:
+    """Fill in the scenario's numbers under one link model and one limitation level."""
     side, limit = scenario.map_side, scenario.time_limit
-    robots, radio = scenario.robots, scenario.communication
+    robots, transport = scenario.robots, scenario.communication
     rules = missions["rules"]
-    for table in (scenario.tasks, scenario.operators, radio, scenario.decisions, scenario.reward):
+    for table in (scenario.tasks, scenario.operators, transport, scenario.decisions, scenario.reward):
         for name in table.__dataclass_fields__:
-            if name in RULES.names and name != "range":
+            if name in RULES.names:
                 rules[name] = getattr(table, name)
-    rules["link_model"] = link_model
+    rules["radio"] = radio_rules(scenario, links, limitation)
     rules["time_limit"] = limit
     rules["initial_phase_end"] = round(scenario.decisions.initial_phase * limit)
-    rules["late_low"], rules["late_high"] = radio.late_delay
-    rules["message_bytes"] = [getattr(radio, f"{kind.name.lower()}_bytes") for kind in Kind]
+    rules["late_low"], rules["late_high"] = transport.late_delay
+    rules["message_bytes"] = [getattr(transport, f"{kind.name.lower()}_bytes") for kind in Kind]
     rules["speed"] = (robots.autonomous_speed, robots.controlled_speed)
     rules["hazard"] = 1.0 - (1.0 - robots.malfunction) ** (1.0 / limit)
     rules["controlled_hazard"] = robots.controlled_hazard * rules["hazard"]
     rules["sensing_radius"] = robots.sensing_radius * side
-    rules["range"] = radio.range[limitation] * side
-    rules["on_time"] = 1.0 if link_model == LinkModel.PERFECT else 1.0 - radio.unavailable_or_delayed[limitation]
     rules["pending_cost"] = scenario.reward.pending

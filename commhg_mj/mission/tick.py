@@ -168,7 +168,7 @@ def look_around(m, now):
 @kernel
 def communicate(m, now):
     """Telemetry falls due, and queues send what their tokens permit."""
-    if m.rules.link_model == PERFECT:
+    if m.rules.radio.link_model == PERFECT:
         for r in range(m.n_robots):
             robot_of(m, r).tokens = m.rules.bucket
         for h in range(m.n_operators):

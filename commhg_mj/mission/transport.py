@@ -6,6 +6,7 @@ h is address R + h, the station's shared table R + H.
 
 from ..kernels import kernel
 from ..models.routes import distance
+from ..radio.links import fates
 from ..terms import NOBODY, Activity, Fate, Kind
 from .access import (
     belief_of,
@@ -79,10 +80,9 @@ def expire(m, waiting, now):
 
 
 @kernel
-def transmit(m, kind, sender, receiver, clearance, line, now):
-    """Put a message on the air over a link that lets `clearance` of the packets pass.
+def transmit(m, kind, sender, receiver, passing, line, now):
+    """Put a message on the air over a link that lets a share `passing` of the packets pass.
 
-    Over clear ground a share `on_time` arrives in time, and half of the rest late; terrain scales both.
     Returns the slot whose content the caller fills in, or NOBODY when the packet is lost.
     """
     rules = m.rules
@@ -90,10 +90,10 @@ def transmit(m, kind, sender, receiver, clearance, line, now):
     counters.sent += 1
     counters.bytes += rules.message_bytes[kind]
     draw = uniform(m.seed, PACKET + kind, now, sender, receiver)
-    on_time, late = rules.on_time * clearance, 0.5 * (1.0 - rules.on_time) * clearance
+    on_time, late = fates(rules.radio, passing)
     log_sent(m, line, on_time <= draw < on_time + late, now)
     if draw >= on_time + late:
-        finish(m, kind, line, TERRAIN if draw < 0.5 * (1.0 + rules.on_time) else LOST, now)
+        finish(m, kind, line, TERRAIN if draw < 0.5 * (1.0 + rules.radio.on_time) else LOST, now)
         return NOBODY
     delay = rules.delay
     if draw >= on_time:
@@ -133,28 +133,28 @@ def broadcast(m, r, now):
     robot.last_broadcast = now
     degree = min(rules.out_degree, m.n_robots - 1)
     scratch, count = scratch_of(m), 0
-    best, clearances, ways = scratch.found, scratch.distance, scratch.dx
+    best, shares, ways = scratch.found, scratch.distance, scratch.dx
     for other in range(m.n_robots):
         peer = robot_of(m, other)
         if other == r or peer.activity == FAILED:
             continue
-        clearance, way = link_between(m, r, other), distance(peer.x - robot.x, peer.y - robot.y)
-        if clearance <= 0.0:
+        share, way = link_between(m, r, other, BROADCAST), distance(peer.x - robot.x, peer.y - robot.y)
+        if share <= 0.0:
             continue
         k = count  # the best link first, among equals the nearest
-        while k > 0 and (clearances[k - 1] < clearance or (clearances[k - 1] == clearance and ways[k - 1] > way)):
+        while k > 0 and (shares[k - 1] < share or (shares[k - 1] == share and ways[k - 1] > way)):
             if k < degree:
-                best[k], clearances[k], ways[k] = best[k - 1], clearances[k - 1], ways[k - 1]
+                best[k], shares[k], ways[k] = best[k - 1], shares[k - 1], ways[k - 1]
             k -= 1
         if k < degree:
-            best[k], clearances[k], ways[k] = other, clearance, way
+            best[k], shares[k], ways[k] = other, share, way
             count = min(count + 1, degree)
     if count == 0:
         finish(m, BROADCAST, attempt(m, BROADCAST, r, NOBODY, now), OUT_OF_RANGE, now)
     first = NOBODY
     for k in range(count):
         line = attempt(m, BROADCAST, r, best[k], now)
-        slot = transmit(m, BROADCAST, r, best[k], clearances[k], line, now)
+        slot = transmit(m, BROADCAST, r, best[k], shares[k], line, now)
         if slot != NOBODY and first == NOBODY:
             first = slot
             write_peer(m, message_at(m, slot).robot, r, now)
@@ -189,7 +189,7 @@ def serve_uplink(m, r, now):
             break  # what is more urgent goes first
         robot.tokens -= rules.message_bytes[kind]
         waiting.since = NEVER
-        slot = transmit(m, kind, r, waiting.target, link_to_station(m, r), waiting.log, now)
+        slot = transmit(m, kind, r, waiting.target, link_to_station(m, r, kind), waiting.log, now)
         if slot == NOBODY:
             continue
         message = message_at(m, slot)
@@ -248,7 +248,7 @@ def send_downlink(m, h, waiting, now):
     kind, r = waiting.kind, waiting.target
     operator.tokens -= rules.message_bytes[kind]
     waiting.since = NEVER
-    slot = transmit(m, kind, m.n_robots + h, r, link_to_station(m, r), waiting.log, now)
+    slot = transmit(m, kind, m.n_robots + h, r, link_to_station(m, r, kind), waiting.log, now)
     if kind == REPLY:
         tip = choose_tip(m, r)
         if slot != NOBODY:

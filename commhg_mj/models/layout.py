@@ -10,13 +10,13 @@ import numpy as np
 
 from ..scenarios import Scenario
 from ..terms import Footprint
+from .terrain import SURFACE_NODES
 
 # A footprint part is an ellipse: semi-axes a and b, `angle` from east to the axis of a. Forest parts are
 # discs (a = b), so that a MuJoCo cylinder is the same set; the parts of one forest share their `group`.
 PART = np.dtype(
     [("kind", "i4"), ("group", "i4"), ("x", "f8"), ("y", "f8"), ("a", "f8"), ("b", "f8"), ("angle", "f8"), ("height", "f8")]
 )
-SURFACE_NODES = 33  # a mountain's surface: heights on a square grid of this many nodes a side
 MARGIN = 0.03  # of the side: obstacles' centres keep off the border
 STATION_CLEARING = 0.09  # of the side: free of obstacles around the station, so that all robots fit in
 

@@ -18,11 +18,11 @@ from ..files import whole_file
 from ..terms import TaskType
 from . import meshes, textures
 from .cameras import add_cameras
+from .layout import Layout
 from .world import World
 
 XML = Path(__file__).parent.parent / "xml"
 STREAM = 2  # separates the pictures' random stream from the world's
-TRUNK_SPACE = 2.0  # m below the canopy volumes: radios near the ground look under the crowns
 SHAPES = {TaskType.UAV_ONLY: "diamond", TaskType.UGV_ONLY: "cube", TaskType.GENERAL: "ball"}
 TYPE_COLOURS = {  # distinguishable with every kind of colour vision; robots wear the colours of their tasks
     TaskType.UAV_ONLY: (0.16, 0.62, 1.00),
@@ -82,6 +82,14 @@ def build_spec(world: World, pictures: bool = True) -> mujoco.MjSpec:
     return spec
 
 
+def build_obstacles(layout: Layout) -> mujoco.MjModel:
+    """The compiled mountains and canopies alone, with the names and groups that they have in `build_model`."""
+    spec = mujoco.MjSpec()
+    _add_mountains(spec, layout, {})
+    _add_canopies(spec, layout)
+    return spec.compile()
+
+
 def _geom(body, kind, group, **attributes):
     """A geom that nothing collides with."""
     kind = getattr(mujoco.mjtGeom, f"mjGEOM_{kind.upper()}")
@@ -108,6 +116,11 @@ def _add_ground(spec, world, pictures):
     centre, half = [layout.side / 2, layout.side / 2, 0], meshes.TERRAIN_REACH * layout.side / 2
     size = [half, half, half / 8]
     _geom(spec.worldbody, "plane", Group.GROUND, name="ground", pos=centre, size=size, **material)
+    _add_mountains(spec, layout, material)
+
+
+def _add_mountains(spec, layout, material):
+    """One mesh a mountain, its surface alone."""
     for i, (part, surface) in enumerate(zip(layout.mountains, layout.surfaces)):
         name = f"mountain{i}"
         _add_mesh(spec, name, meshes.mountain_mesh(part, surface, layout.side), smooth=True)
@@ -116,10 +129,10 @@ def _add_ground(spec, world, pictures):
 
 
 def _add_canopies(spec, layout):
-    """One cylinder a forest disc, from the trunk space to the canopy's top."""
+    """One cylinder a forest disc, from the ground to the canopy's top: P.833 counts woodland, trunks included."""
     for i, part in enumerate(layout.forests):
-        half = (part["height"] - TRUNK_SPACE) / 2
-        pos, size = [part["x"], part["y"], TRUNK_SPACE + half], [part["a"], half, 0]
+        half = part["height"] / 2
+        pos, size = [part["x"], part["y"], half], [part["a"], half, 0]
         rgba = [0.2, 0.6, 0.2, 0.3]
         _geom(spec.worldbody, "cylinder", Group.CANOPY, name=f"canopy{i}", pos=pos, size=size, rgba=rgba)
 

@@ -1,7 +1,7 @@
 """A world: one layout with its points of interest and ground routes, all drawn from one seed."""
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -25,6 +25,17 @@ class World:
     pois: np.ndarray  # [tasks, 2] m
     poi_types: np.ndarray  # [tasks] TaskType, as announced
     routes: Routes  # ground routes towards the POIs
+
+    @cached_property
+    def rays(self):
+        """The world's `RayModel`, built when it is first asked for: few need MuJoCo."""
+        from .raymodel import RayModel
+
+        return RayModel(self.layout)
+
+    def __getstate__(self):
+        """Copies and other processes build a ray model of their own: it lives at an address."""
+        return {name: value for name, value in self.__dict__.items() if name != "rays"}
 
     def path(self, start, task: int) -> np.ndarray:
         """Ground route [k, 2] from `start` [2] to a task's POI."""

@@ -1,5 +1,5 @@
 """Link models."""
 
-from .links import LINK_MODELS, LinkModel, find_link_model
+from .rules import LINK_MODELS, LinkModel, find_link_model
 
 __all__ = ["LINK_MODELS", "LinkModel", "find_link_model"]

@@ -1,53 +1,89 @@
-"""Link models behind one interface: what share of packets does terrain let pass between two radios?
+"""Every link model behind one interface: what share of packets passes, and when do they arrive?
 
 The mission asks only when a message is sent. Loss and delay over clear ground belong to the limitation
 level and are the same for every model, so that models differ by obstacles alone (design: radio.md).
 """
 
-from enum import IntEnum
-
 from ..kernels import kernel
 from ..models.routes import distance
-from .abstract import planar_clearance
+from ..models.terrain import ground_at
+from .abstract import measure_planar
+from .raycast import measure_rays
+from .rules import LinkModel
 
-
-class LinkModel(IntEnum):
-    ABSTRACT = 0  # planar, the paper's
-    PERFECT = 1  # free communication, for the omniscient reference
-
-
-LINK_MODELS = {"abstract": LinkModel.ABSTRACT, "perfect": LinkModel.PERFECT}
-
-ABSTRACT, PERFECT = int(LinkModel.ABSTRACT), int(LinkModel.PERFECT)
-
-
-def find_link_model(name: str) -> LinkModel:
-    """The link model of that name.
-
-    Raises:
-      ValueError: there is none.
-    """
-    if not isinstance(name, str) or name not in LINK_MODELS:
-        raise ValueError(f"unknown link model {name!r}: use {', '.join(LINK_MODELS)}")
-    return LINK_MODELS[name]
+PERFECT, RAYCAST, RAYCAST_SHUFFLED = (
+    int(LinkModel.PERFECT), int(LinkModel.RAYCAST), int(LinkModel.RAYCAST_SHUFFLED),
+)  # fmt: skip
 
 
 @kernel
-def robot_link(rules, frames, kinds, scratch, ax, ay, bx, by):
-    """Robot-robot link: the share of packets that passes terrain, 0 beyond the range.
+def is_raycast(radio):
+    return radio.link_model == RAYCAST or radio.link_model == RAYCAST_SHUFFLED
+
+
+@kernel
+def robot_antenna(radio, obstacles, embodiment, x, y):
+    """(x, y, z) [m] of the antenna of a robot at a place on the map."""
+    return x, y, ground_at(obstacles.mountains, x, y) + radio.antenna[embodiment]
+
+
+@kernel
+def mast_antenna(radio, obstacles, x, y):
+    """(x, y, z) [m] of the station's antenna."""
+    return x, y, ground_at(obstacles.mountains, x, y) + radio.mast
+
+
+@kernel
+def is_in_range(radio, a, b):
+    """Whether two robots may hear each other at all."""
+    return distance(b[0] - a[0], b[1] - a[1]) <= radio.range
+
+
+@kernel
+def measure(radio, obstacles, a, b, size, link):
+    """Fill in a LINK with what its model sees of the world between two antennas, whatever the range."""
+    if is_raycast(radio):
+        measure_rays(radio, obstacles, a, b, size, link)
+    elif radio.link_model == PERFECT:
+        link.passing = 1.0
+    else:
+        measure_planar(radio, obstacles, a, b, link)
+
+
+@kernel
+def robot_link(radio, obstacles, a, b, size):
+    """Robot-robot link: the share of packets of `size` [B] that passes terrain, 0 beyond the range.
 
     Args:
-      rules: RULES record of the mission (link model, range and decay lengths in m).
-      frames, kinds, scratch: footprints, see `metres_inside`.
+      radio: RADIO record.
+      obstacles: of the world (radio/obstacles.py).
+      a, b: antennas (x, y, z) [m].
     """
-    if rules.link_model == PERFECT:
-        return 1.0
-    if distance(bx - ax, by - ay) > rules.range:
+    if not is_in_range(radio, a, b):
         return 0.0
-    return planar_clearance(frames, kinds, rules.forest_decay, rules.mountain_decay, ax, ay, bx, by, scratch)
+    link = obstacles.link[0]
+    measure(radio, obstacles, a, b, size, link)
+    return link.passing
 
 
 @kernel
-def station_link(rules):
-    """Robot-station link: as in the paper, without a range and without a terrain term."""
-    return 1.0
+def station_link(radio, obstacles, a, mast, size):
+    """Robot-station link, without a range; as in the paper, planar models give it no terrain either."""
+    if not is_raycast(radio):
+        return 1.0
+    link = obstacles.link[0]
+    measure_rays(radio, obstacles, a, mast, size, link)
+    return link.passing
+
+
+@kernel
+def fates(radio, passing):
+    """(share in time, share late) of messages on a link that lets `passing` of the packets pass.
+
+    Over clear ground a share `on_time` arrives in time, and half of the rest late. A planar model scales both; a
+    ray-cast link tries once more, and that attempt too has to pass.
+    """
+    if is_raycast(radio):
+        on_time = radio.on_time * passing
+        return on_time, 0.5 * (1.0 - on_time) * passing
+    return radio.on_time * passing, 0.5 * (1.0 - radio.on_time) * passing

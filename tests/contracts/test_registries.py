@@ -83,10 +83,10 @@ def test_links_are_shares_symmetric_and_pure(links):
     fly(batch, Wanderer(), seconds=120)
     before, mission = copied(batch.state), batch.state.missions[0]
     n = batch.scenario.n_robots
-    shares = np.array([[link_between(mission, a, b) for b in range(n)] for a in range(n)])
+    shares = np.array([[link_between(mission, a, b, Kind.BROADCAST) for b in range(n)] for a in range(n)])
     assert np.all((shares >= 0) & (shares <= 1)) and np.all(np.diag(shares) > 0)
     np.testing.assert_allclose(shares, shares.T, rtol=1e-9)
-    assert all(0 < link_to_station(mission, r) <= 1 for r in range(n))
+    assert all(0 <= link_to_station(mission, r, Kind.QUERY) <= 1 for r in range(n))
     assert differences(before, batch.state) == []
 
 
@@ -94,15 +94,15 @@ def test_links_are_shares_symmetric_and_pure(links):
 def test_co_located_radios_hear_each_other(links):
     batch = MissionBatch("small", [1], links=links)
     batch.state.robots["x"], batch.state.robots["y"] = 100.0, 20.0
-    assert link_between(batch.state.missions[0], 0, 1) > 0
+    assert link_between(batch.state.missions[0], 0, 1, Kind.BROADCAST) > 0
 
 
 @every_limitation
 def test_every_limitation_has_its_numbers(limitation):
     index, rules = LIMITATIONS.index(limitation), CommunicationRules()
     batch = MissionBatch("small", [1], limitation=limitation)
-    assert batch.rules["range"][0] == rules.range[index] * 500
-    assert batch.rules["on_time"][0] == pytest.approx(1 - rules.unavailable_or_delayed[index])
+    assert batch.rules["radio"]["range"][0] == rules.range[index] * 500
+    assert batch.rules["radio"]["on_time"][0] == pytest.approx(1 - rules.unavailable_or_delayed[index])
 
 
 def test_limitations_grow_harsher_in_their_order():

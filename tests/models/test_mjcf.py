@@ -53,7 +53,7 @@ def test_canopies_are_the_forest_parts(world, bare):
     for geom, part in zip(geoms, forests):
         bottom, top = geom.pos[2] - geom.size[1], geom.pos[2] + geom.size[1]
         np.testing.assert_allclose([*geom.pos[:2], geom.size[0]], [part["x"], part["y"], part["a"]])
-        np.testing.assert_allclose([bottom, top], [mjcf.TRUNK_SPACE, part["height"]])
+        np.testing.assert_allclose([bottom, top], [0, part["height"]])
         assert geom.rgba[3] > 0  # mj_ray skips invisible geoms
 
 

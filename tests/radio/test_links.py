@@ -6,25 +6,24 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from strategies import change
 
-from commhg_mj.mission.batch import MissionBatch
 from commhg_mj.models.layout import inside_any, unit_frame
 from commhg_mj.models.world import make_world
 from commhg_mj.radio import find_link_model
-from commhg_mj.radio.abstract import metres_inside, planar_clearance
-from commhg_mj.radio.links import robot_link
+from commhg_mj.radio.abstract import metres_inside
+from commhg_mj.radio.evaluate import WorldLinks
 from commhg_mj.scenarios import SCENARIOS
 from commhg_mj.terms import Footprint
 
 
-def terrain(world):
-    """(frames, kinds, scratch) of a world's footprints."""
-    parts = world.layout.parts
-    return unit_frame(parts), np.ascontiguousarray(parts["kind"]), np.empty((2, max(1, len(parts))))
-
-
 def metres(world, kind, a, b):
-    frames, kinds, scratch = terrain(world)
-    return metres_inside(frames, kinds, int(kind), *map(float, (*a, *b)), scratch)
+    parts = world.layout.parts
+    scratch = np.empty((2, max(1, len(parts))))
+    return metres_inside(unit_frame(parts), np.ascontiguousarray(parts["kind"]), int(kind), *map(float, (*a, *b)), scratch)
+
+
+def flat(points):
+    """Antennas [n, 3] on the plain."""
+    return np.c_[points, np.zeros(len(points))]
 
 
 def sampled_metres(parts, a, b, n=40_001):
@@ -81,24 +80,26 @@ def test_metres_inside_a_footprint_are_the_way_itself():
     assert metres(world, Footprint.MOUNTAIN, centre, centre) == 0
 
 
-def test_clearance_is_exponential_in_the_metres():
+def test_planar_shares_are_exponential_in_the_metres_up_to_the_range():
     world = make_world(SCENARIOS["medium"], 2)
-    frames, kinds, scratch = terrain(world)
-    for a, b in np.random.default_rng(1).uniform(0, 1000, (20, 2, 2)):
-        forest, mountain = (metres(world, kind, a, b) for kind in (Footprint.FOREST, Footprint.MOUNTAIN))
-        share = planar_clearance(frames, kinds, 73.0, 10.0, *a, *b, scratch)
-        assert share == pytest.approx(np.exp(-forest / 73.0 - mountain / 10.0)) and 0 <= share <= 1
+    a, b = np.random.default_rng(1).uniform(0, 1000, (2, 40, 2))
+    links = WorldLinks(world, "abstract").between(flat(a), flat(b), 160)
+    for link, start, end in zip(links, a, b):
+        forest, mountain = (metres(world, kind, start, end) for kind in (Footprint.FOREST, Footprint.MOUNTAIN))
+        assert (link["forest"], link["mountain"]) == pytest.approx((forest, mountain), abs=1e-9)
+        in_range = np.hypot(*(end - start)) <= 300
+        assert link["passing"] == pytest.approx(in_range * np.exp(-forest / 73.0 - mountain / 10.0))
 
 
-def test_a_world_without_obstacles_lets_everything_pass_up_to_the_range():
-    scenario = change(SCENARIOS["medium"], forest_share=0.0, mountain_share=0.0)
-    world = make_world(scenario, 0)
-    rules = MissionBatch(scenario, [0]).state.missions[0]["rules"]
-    frames, kinds, scratch = terrain(world)
-    for metres_apart, share in ((0.0, 1.0), (1.0, 1.0), (299.9, 1.0), (300.0, 1.0), (300.1, 0.0)):
-        assert robot_link(rules, frames, kinds, scratch, 100.0, 100.0, 100.0 + metres_apart, 100.0) == share
+@pytest.mark.parametrize("links", ["abstract", "abstract-fit", "raycast"])
+def test_a_world_without_obstacles_lets_everything_pass_up_to_the_range(links):
+    world = make_world(change(SCENARIOS["medium"], forest_share=0.0, mountain_share=0.0), 0)
+    a, apart = np.array([[100.0, 100.0, 1.0]]), np.array([0.0, 1.0, 299.9, 300.0, 300.1])
+    found = WorldLinks(world, links).between(a, a + apart[:, None] * [1, 0, 0], 160)
+    assert found["passing"].tolist() == [1, 1, 1, 1, 0]
+    assert found["on_time"].tolist() == [0.9, 0.9, 0.9, 0.9, 0] and found["late"] == pytest.approx([0.05] * 4 + [0])
 
 
 def test_unknown_link_models_are_refused():
-    with pytest.raises(ValueError, match="unknown link model 'smoke': use abstract, perfect"):
+    with pytest.raises(ValueError, match="unknown link model 'smoke': use abstract, abstract-fit, raycast"):
         find_link_model("smoke")
