@@ -149,7 +149,7 @@ def test_conditions_have_files_of_their_own(run, tiny, tmp_path):
 
 def test_video_of_a_run(run, tiny, tmp_path, monkeypatch):
     made = []
-    monkeypatch.setattr("commhg_mj.cli.Render.__call__", lambda self, report: made.append((self.trace, self.out)))
+    monkeypatch.setattr("commhg_mj.cli.missions.Render.__call__", lambda self, report: made.append((*self.traces, self.out)))
     code, out, _ = run("run", "--scenario", tiny, "--seed", 3, "--missions", 2, "--video", "--json")
     assert code == 0 and json.loads(out)
     assert [tuple(map(str, paths)) for paths in made] == [("runs/tiny-greedy-3.npz", "runs/tiny-greedy-3.mp4")]
@@ -400,7 +400,7 @@ def test_without_memory(run, tiny, monkeypatch):
     def fail(*arguments):
         raise MemoryError
 
-    monkeypatch.setattr("commhg_mj.cli.fly", fail)
+    monkeypatch.setattr("commhg_mj.cli.missions.fly", fail)
     code, out, err = run("run", "--scenario", tiny)
     assert (code, out) == (2, "") and "memory" in err and err.count("\n") == 1
 

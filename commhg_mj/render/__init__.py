@@ -1,6 +1,10 @@
 """Videos and pictures of traces and worlds."""
 
+from .divergence import check_same_mission, first_divergence
+from .drape import Drape, coverage_drape
 from .figure import overview_figure
 from .film import render_image, render_video
 
-__all__ = ["overview_figure", "render_image", "render_video"]
+__all__ = [
+    "Drape", "check_same_mission", "coverage_drape", "first_divergence", "overview_figure", "render_image", "render_video",
+]  # fmt: skip

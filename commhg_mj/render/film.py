@@ -1,4 +1,4 @@
-"""Videos and pictures of a trace."""
+"""Videos and pictures of a trace, or of two side by side."""
 
 import multiprocessing
 import signal
@@ -15,9 +15,11 @@ from ..files import whole_file
 from ..models.world import make_world
 from .cameras import check_camera
 from .canvas import Canvas
+from .divergence import check_same_mission
 from .hud import Hud
 from .moment import Timeline
 from .overlay import Overlay
+from .pair import PairFilm, joined_size
 from .stage import Stage
 from .video import to_yuv, write_mp4, write_png
 
@@ -25,91 +27,104 @@ CHUNK = 24  # pictures that one process makes in a row; labels keep their places
 SHOWN_FOR = 0.45  # s of video: messages are shown at least this long
 SMALLEST, LARGEST = 64, 4096  # pixels
 MOST_PICTURES = 1_000_000  # in one video
+SIZES = {1: (1280, 720), 2: (960, 540)}  # pixels of a panel, by their number
 
 
 def render_video(
-    trace, out, camera="overview", size=(1280, 720), fps=24, speed=20.0, start=0.0, stop=None, workers=2, progress=None
+    trace, out, camera="overview", size=None, fps=24, speed=20.0, start=0.0, stop=None, workers=2, progress=None, drape=None
 ):
     """Write an H.264 video of a mission.
 
     Args:
-      trace: the mission's `Trace`.
+      trace: the mission's `Trace`, or a tuple of two of the same scenario and seed, shown left and right in step.
       out: path ending in .mp4.
       camera: overview, station, map, orbit or follow:ROBOT.
-      size: (width, height) in pixels, even numbers.
+      size: (width, height) in pixels, even numbers, of one mission's picture; None is 1280x720, or 960x540 for two.
       fps: pictures per second of video.
       speed: seconds of the mission per second of video.
       start, stop: part of the mission [s]; None is its end.
       workers: processes that render; the video does not depend on it.
       progress: called with (pictures done, pictures in all) after each picture.
+      drape: a `Drape` that covers the ground, or a tuple with one or None for each of two traces.
 
     Raises:
       ValueError: an argument is impossible; the message names it. Nothing is written.
       RuntimeError: OpenGL is missing.
     """
-    _check(trace, out, ".mp4", camera, size)
+    traces, drapes, size = _check(trace, drape, out, ".mp4", camera, size)
     for name, value in (("fps", fps), ("speed", speed), ("workers", workers)):
         if not 0 < value < np.inf:
             raise ValueError(f"{name} must be positive, is {value}")
-    stop = _duration(trace) if stop is None else stop
-    _check_time(trace, "start", start)
-    _check_time(trace, "stop", stop)
+    stop = _duration(traces) if stop is None else stop
+    _check_time(traces, "start", start)
+    _check_time(traces, "stop", stop)
     if start > stop:
         raise ValueError(f"start = {start:g} s is after stop = {stop:g} s")
     if (stop - start) * fps / speed > MOST_PICTURES:
         raise ValueError(f"fps = {fps:g} at speed = {speed:g} asks for more than {MOST_PICTURES} pictures")
     times = np.arange(start, stop + 1e-9, speed / fps)
     chunks = [times[i : i + CHUNK] for i in range(0, len(times), CHUNK)]
-    film = partial(Film, trace, camera, tuple(size), SHOWN_FOR * speed)
+    film = partial(_make_film, traces, drapes, camera, size, speed)
     with whole_file(out) as part:
         pictures = _in_order(film, chunks, workers)
-        write_mp4(part, _counted(pictures, len(times), progress), size, fps)
+        write_mp4(part, _counted(pictures, len(times), progress), size if len(traces) == 1 else joined_size(size), fps)
 
 
-def render_image(trace, out, at=0.0, camera="overview", size=(1280, 720), speed=20.0):
+def render_image(trace, out, at=0.0, camera="overview", size=None, speed=20.0, drape=None):
     """Write a PNG of the mission at `at` seconds: the same picture as a video at `speed` has there.
 
     Raises:
       ValueError: an argument is impossible; the message names it. Nothing is written.
       RuntimeError: OpenGL is missing.
     """
-    _check(trace, out, ".png", camera, size)
-    _check_time(trace, "at", at)
-    with whole_file(out) as part, closing(Film(trace, camera, tuple(size), SHOWN_FOR * speed)) as film:
+    traces, drapes, size = _check(trace, drape, out, ".png", camera, size)
+    _check_time(traces, "at", at)
+    with whole_file(out) as part, closing(_make_film(traces, drapes, camera, size, speed)) as film:
         write_png(part, film.picture(at))
+
+
+def _make_film(traces, drapes, camera, size, speed):
+    """The film of one trace, or of two."""
+    films = [Film(trace, camera, size, SHOWN_FOR * speed, drape) for trace, drape in zip(traces, drapes)]
+    return films[0] if len(films) == 1 else PairFilm(films, size, speed)
 
 
 class Film:
     """Makes the pictures of one trace in one process."""
 
-    def __init__(self, trace, camera, size, lag):
+    def __init__(self, trace, camera, size, lag, drape=None):
         # Pictures are made in parallel by process: threads inside would only get in each other's way.
         cv2.setNumThreads(1)
         self.camera = camera
         world = make_world(trace.scenario, trace.seed)
         self.timeline = Timeline(trace, lag)
-        self.stage = Stage(world, size)
-        self.hud = Hud(trace, world, size)
+        self.stage = Stage(world, size, drape)
+        self.hud = Hud(trace, world, size, drape)
         self.canvas = Canvas(*size)
         self.overlay = Overlay(trace, world, self.canvas, self.stage.pins)
 
-    def picture(self, time: float) -> np.ndarray:
-        """The picture [height, width, 3] at `time` [s] in blue, green, red."""
+    def picture(self, time: float, ringed: str | None = None) -> np.ndarray:
+        """The picture [height, width, 3] at `time` [s] in blue, green, red, with a ring around an actor."""
         moment = self.timeline.at(time)
         picture, projection = self.stage.render(moment, self.camera)
         self.hud.draw(moment, projection)
         self.canvas.pixels[:] = 0
-        self.overlay.draw(moment, self.stage.positions(moment), projection, self.hud.boxes)
+        self.overlay.draw(moment, self.stage.positions(moment), projection, self.hud.boxes, ringed)
         self.hud.cover(self.canvas)
         return self.canvas.paste(picture)
 
-    def chunk(self, times) -> list[np.ndarray]:
-        """Pictures in a row, ready for the encoder."""
+    def forget_labels(self):
+        """Labels may go to other places than in the picture before."""
         self.overlay.slots = {}
-        return [to_yuv(self.picture(time)) for time in times]
 
     def close(self):
         self.stage.close()
+
+
+def _make_chunk(film, times) -> list[np.ndarray]:
+    """Pictures in a row, ready for the encoder."""
+    film.forget_labels()
+    return [to_yuv(film.picture(time)) for time in times]
 
 
 _film = None  # this worker's, and how to make it
@@ -127,7 +142,7 @@ def _work(times):
     global _film
     if isinstance(_film, partial):
         _film = _film()
-    return _film.chunk(times)
+    return _make_chunk(_film, times)
 
 
 def _in_order(make_film, chunks, workers):
@@ -135,7 +150,7 @@ def _in_order(make_film, chunks, workers):
     if workers == 1 or len(chunks) == 1:
         with closing(make_film()) as film:
             for chunk in chunks:
-                yield from film.chunk(chunk)
+                yield from _make_chunk(film, chunk)
         return
     pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), _start_worker, (make_film,))
     try:
@@ -155,18 +170,30 @@ def _counted(pictures, total, progress):
             progress(done, total)
 
 
-def _duration(trace):
-    return float(len(trace.robot_xy) - 1)
+def _duration(traces):
+    """Of the longest, in seconds."""
+    return float(max(len(trace.robot_xy) for trace in traces) - 1)
 
 
-def _check_time(trace, name, value):
-    if not 0 <= value <= _duration(trace):
-        raise ValueError(f"{name} = {value:g} s lies outside the mission, 0..{_duration(trace):g} s")
+def _check_time(traces, name, value):
+    if not 0 <= value <= _duration(traces):
+        raise ValueError(f"{name} = {value:g} s lies outside the mission, 0..{_duration(traces):g} s")
 
 
-def _check(trace, out, ending, camera, size):
+def _check(trace, drape, out, ending, camera, size):
+    """(traces, drapes, size of a panel), all as tuples; a single drape lies in all panels."""
     if Path(out).suffix.lower() != ending:
         raise ValueError(f"{out}: the name must end in {ending}")
-    check_camera(camera, trace.scenario)
+    traces = trace if isinstance(trace, tuple) else (trace,)
+    if len(traces) not in SIZES:
+        raise ValueError(f"one trace or two can be rendered, not {len(traces)}")
+    if len(traces) == 2:
+        check_same_mission(*traces)
+    drapes = drape if isinstance(drape, tuple) else (drape,) * len(traces)
+    if len(drapes) != len(traces):
+        raise ValueError(f"there must be as many drapes as traces, {len(traces)}, not {len(drapes)}")
+    check_camera(camera, traces[0].scenario)
+    size = SIZES[len(traces)] if size is None else tuple(size)
     if not all(isinstance(n, int) and SMALLEST <= n <= LARGEST and n % 2 == 0 for n in size):
         raise ValueError(f"size must be two even numbers in {SMALLEST}..{LARGEST}, is {'x'.join(map(str, size))}")
+    return traces, drapes, size

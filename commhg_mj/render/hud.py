@@ -28,12 +28,12 @@ ACTIVITY_NAMES = {
 
 
 class Hud:
-    """The display of one trace for pictures of `size` = (width, height) pixels.
+    """The display of one trace for pictures of `size` = (width, height) pixels, with the key of a `Drape` if there is one.
 
     Lengths are in units: pixels of a 720p picture. Small pictures show less rather than illegible text.
     """
 
-    def __init__(self, trace, world, size):
+    def __init__(self, trace, world, size, drape=None):
         self.trace, self.canvas = trace, Canvas(*size)
         self.unit = max(0.75, min(size[0] / 1280, size[1] / 720))
         self.width, self.height = size[0] / self.unit, size[1] / self.unit
@@ -46,6 +46,8 @@ class Hud:
         self.minimap = Minimap(trace, world, self.canvas, x + rim, y + rim, inner, self.unit)
         if self.is_roomy:
             draw_legend(self)
+            if drape:
+                self._drape_key(drape)
 
     def draw(self, moment: Moment, projection):
         """Bring everything that changes up to date."""
@@ -89,6 +91,16 @@ class Hud:
     def bar(self, x, y, width, height, parts):
         u = self.unit
         self.canvas.bar(x * u, y * u, width * u, height * u, parts, ink.TROUGH)
+
+    def _drape_key(self, drape):
+        """A bar of the drape's colours, below the corner map."""
+        width = max(MAP_SIZE, self.measure(drape.label, 11) + 20)
+        left, right, y = self.width - EDGE - width + 10, self.width - EDGE - 10, BAR + EDGE + MAP_SIZE + 8
+        self.box(left - 10, y, width, 50)
+        self.text(left, y + 16, drape.label, 11, ink.MUTED)
+        self.bar(left, y + 23, right - left, 9, [(1 / len(drape.colours), colour[::-1]) for colour in drape.colours])
+        self.text(left, y + 44, drape.low, 11)
+        self.text(right, y + 44, drape.high, 11, anchor=1.0)
 
     def _title_bar(self, moment):
         canvas, u, limit = self.canvas, self.unit, self.trace.scenario.time_limit

@@ -19,6 +19,7 @@ MAX_TASK_LABELS = 20
 ROUTE_CACHE = 512
 ARC_RISE = 0.13  # of its length: how high a control arc bends
 CROWD = 24  # robots: labels of more stay close to them
+RING = 24  # units
 SMALLEST_UNIT = 0.45  # pixels; smaller pictures have no labels
 
 
@@ -42,8 +43,8 @@ class Overlay:
         self.pins = pins
         self.slots, self._routes = {}, {}
 
-    def draw(self, moment, robots, projection, taken):
-        """`robots` [R, 3] are the robots' positions in metres; labels keep off the boxes `taken`."""
+    def draw(self, moment, robots, projection, taken, ringed=None):
+        """`robots` [R, 3] are the robots' positions in metres; labels keep off the boxes `taken`; an actor may be ringed."""
         self.projection = projection
         marks.draw_boundary(self.canvas, projection, self.world.layout.side, self.unit)
         self._links(moment, robots)
@@ -55,6 +56,8 @@ class Overlay:
         self._tasks(moment, at[count:], seen[count:], alpha[count:])
         self._messages(moment, robots)
         self._robots(moment, robots, at[:count], seen[:count], alpha[:count])
+        if ringed:
+            self._ring(ringed, robots)
         if self.has_labels:
             self._labels(moment, robots, at, seen, taken)
 
@@ -175,6 +178,14 @@ class Overlay:
         across = 1.7 * self.unit * np.array([-ahead[1], ahead[0]])
         self.canvas.polygon(np.array([at[0] + across, at[0] - across, at[1]]), colour, 0.5)
         marks.draw_route_mark(self.canvas, at[0], ahead, route, colour, self.unit, 0.95)
+
+    def _ring(self, actor, robots):
+        """Point out a robot by its name, or the station for an operator."""
+        names = self.trace.scenario.robot_names
+        at, seen = self.projection.pixels(robots[names.index(actor)] if actor in names else self.station)
+        if seen:
+            self.canvas.ring(at, RING * self.unit, ink.PANEL, 8 * self.unit, 0.6)
+            self.canvas.ring(at, RING * self.unit, ink.DIFFERENT, 4 * self.unit)
 
     def _apparent_size(self, robots):
         """Span of each robot's model in pixels."""

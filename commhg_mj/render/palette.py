@@ -20,6 +20,7 @@ GAINED = _bgr("35C9A5")
 LATE = _bgr("F5B83D")  # lateness everywhere: overdue tasks, value lost to it
 PRIVILEGED = _bgr("E86A92")
 FAILED = _bgr("8C8C8C")
+DIFFERENT = _bgr("FF4D9D")  # where two missions part
 
 AIR = [_bgr(code) for code in ("56B4E9", "7CA7FF", "35D0E8", "8FD3FF", "4C8DF0", "9DB4FF", "2FB5C7", "B5DCFF")]
 GROUND = [_bgr(code) for code in ("F39C3D", "FFC46B", "E87B35", "FFAE85", "D9A441", "FF8F5C", "F0C060", "E39A6F")]

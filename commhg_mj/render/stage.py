@@ -7,6 +7,7 @@ import numpy as np
 from ..models.mjcf import build_model
 from ..terms import Activity
 from .cameras import Projection, place_camera
+from .drape import lay_drape
 from .gl import make_context
 
 SUPERSAMPLING = 1.5  # rendered this much larger, then reduced: cheaper and smoother than multisampling here
@@ -20,12 +21,15 @@ GREY = np.array([0.32, 0.32, 0.34, 1.0], np.float32)
 class Stage:
     """One world's model with an off-screen renderer of pictures of `size` = (width, height) pixels.
 
+    `drape`: a `Drape` over the ground.
     `has_markers`: show the model's own markers on the POIs, rather than leave their place to drawn marks.
     """
 
-    def __init__(self, world, size):
+    def __init__(self, world, size, drape=None):
         self.world, self.size, self.has_markers = world, size, False
         self.model = build_model(world, pictures=True)
+        if drape:
+            lay_drape(self.model, drape.image)
         self.data = mujoco.MjData(self.model)
         width, height = (round(SUPERSAMPLING * n) for n in size)
         self.model.vis.global_.offwidth, self.model.vis.global_.offheight = width, height
@@ -55,6 +59,7 @@ class Stage:
 
     def render(self, moment, camera: str) -> tuple[np.ndarray, Projection]:
         """(picture [height, width, 3] in blue, green, red; the projection that it was taken with)."""
+        self._gl.make_current()  # another stage of this process may have been
         self._pose(moment)
         heights, aspect = self.positions(moment)[:, 2], self.size[0] / self.size[1]
         view, self.model.vis.global_.fovy = place_camera(camera, self.world, moment, heights, aspect)
@@ -67,6 +72,7 @@ class Stage:
         return cv2.cvtColor(picture, cv2.COLOR_RGB2BGR), Projection.of_scene(self._scene, *self.size)
 
     def close(self):
+        self._gl.make_current()
         self._context.free()
         self._gl.free()
 

@@ -11,12 +11,13 @@ from ..mission.trace import make_traces, save_trace
 from ..policies import POLICIES, ensure_compiled, prepare
 from ..scenarios import Scenario
 
+DEFAULTS = ("abstract", "matched", "nominal")
 CHUNK = 16  # missions that one call flies side by side: memory and progress stay fine-grained
 
 
 def trace_path(folder, scenario: Scenario, policy: str, links: str, limitation: str, seed: int) -> Path:
     """Where the trace of one mission goes; defaults stay out of its name."""
-    conditions = [word for word in (links, limitation) if word not in ("abstract", "nominal")]
+    conditions = [word for word in (links, scenario.radio.profile, limitation) if word not in DEFAULTS]
     return Path(folder) / ("-".join([scenario.name, policy, *conditions, str(seed)]) + ".npz")
 
 
@@ -37,33 +38,66 @@ def fly(
     Raises:
       ValueError: an argument is impossible; the message names it.
     """
+    jobs = [(scenario, policy, chunk, links, limitation, out) for chunk in chunks_of(seeds)]
+    results = spread(_fly_chunk, jobs, workers, lambda scores: advance(len(scores)))
+    return [score for chunk in results for score in chunk]
+
+
+def fly_recorded(
+    look: Callable, scenario: Scenario, policy: str, seeds, links="abstract", limitation="nominal", workers=1,
+    advance: Callable[[int], None] = lambda missions: None,
+) -> list:  # fmt: skip
+    """`look(trace)` of one recorded mission a seed, in the order of the seeds; traces are not kept."""
+    jobs = [(look, scenario, policy, chunk, links, limitation) for chunk in chunks_of(seeds)]
+    results = spread(_look_chunk, jobs, workers, lambda looks: advance(len(looks)))
+    return [result for chunk in results for result in chunk]
+
+
+def chunks_of(seeds) -> list[list[int]]:
+    """Seeds that one call flies together."""
     seeds = list(seeds)
-    chunks = [seeds[i : i + CHUNK] for i in range(0, len(seeds), CHUNK)]
-    jobs = [(scenario, policy, chunk, links, limitation, out) for chunk in chunks]
-    if workers == 1 or len(chunks) == 1:
+    return [seeds[i : i + CHUNK] for i in range(0, len(seeds), CHUNK)]
+
+
+def spread(work: Callable, jobs: list[tuple], workers=1, done: Callable = lambda result: None) -> list:
+    """`work(*job)` of every job, in this process or in several; results in the order of the jobs.
+
+    `done` is told each result as soon as it is there.
+    """
+    if workers == 1 or len(jobs) <= 1:
         results = []
         for job in jobs:
-            results.append(_fly_chunk(*job))
-            advance(len(job[2]))
-        return [score for chunk in results for score in chunk]
+            results.append(work(*job))
+            done(results[-1])
+        return results
     ensure_compiled(POLICIES.values())
     # An interrupt is this process's to handle; the others finish their chunk.
     pool = ProcessPoolExecutor(workers, get_context("spawn"), signal.signal, (signal.SIGINT, signal.SIG_IGN))
     try:
-        futures = [pool.submit(_fly_chunk, *job) for job in jobs]
+        futures = [pool.submit(work, *job) for job in jobs]
         for future in as_completed(futures):
-            advance(len(future.result()))
-        return [score for future in futures for score in future.result()]
+            done(future.result())
+        return [future.result() for future in futures]
     finally:
         pool.shutdown(cancel_futures=True)
 
 
-def _fly_chunk(scenario, policy, seeds, links, limitation, out) -> list[Score]:
-    batch, act = prepare(policy, scenario, seeds, links, limitation, record=out is not None)
+def fly_to_end(policy, scenario, seeds, links="abstract", limitation="nominal", record=False):
+    """The batch of these missions when all are over."""
+    batch, act = prepare(policy, scenario, seeds, links, limitation, record)
     observations = batch.observations
     while not batch.over.all():
         observations = batch.step(act(observations))
+    return batch
+
+
+def _fly_chunk(scenario, policy, seeds, links, limitation, out) -> list[Score]:
+    batch = fly_to_end(policy, scenario, seeds, links, limitation, record=out is not None)
     if out is not None:
         for trace in make_traces(batch, policy):
             save_trace(trace, trace_path(out, scenario, policy, links, limitation, trace.seed))
     return batch.scores()
+
+
+def _look_chunk(look, scenario, policy, seeds, links, limitation) -> list:
+    return [look(trace) for trace in make_traces(fly_to_end(policy, scenario, seeds, links, limitation, True), policy)]

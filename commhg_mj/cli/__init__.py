@@ -1,0 +1,35 @@
+"""Missions of human operators, aerial and ground robots under limited communication.
+
+The command line: parses, calls, prints. Bad input exits with 2 and one line that names it.
+"""
+
+import os
+import sys
+
+import tyro
+
+from .console import LOG, say
+from .links import Compare, Coverage, Fit, Links
+from .measures import Bench, Calibrate
+from .missions import Render, Run
+from .worlds import Figure, Scenarios, World
+
+Command = Run | Render | Links | Coverage | Compare | Fit | Scenarios | World | Figure | Bench | Calibrate
+
+
+def main(arguments=None) -> int:
+    """Run one command; the exit code is 2 for bad input."""
+    command = tyro.cli(Command, prog="commhg-mj", description=__doc__.splitlines()[0], args=arguments)
+    try:
+        command()
+        sys.stdout.flush()
+    except BrokenPipeError:  # the reader of our output, such as head, has gone
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    except (ValueError, RuntimeError, OSError, MemoryError) as error:
+        say(f"commhg-mj: {str(error) or 'not enough memory'}", LOG, style="red")
+        return 2
+    except KeyboardInterrupt:
+        say("interrupted", LOG)
+        return 130
+    return 0

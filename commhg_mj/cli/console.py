@@ -1,0 +1,63 @@
+"""What commands share: where they print, progress bars, checks of their options."""
+
+import contextlib
+import os
+import sys
+from typing import Literal
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+Limitation = Literal["nominal", "low", "high"]
+Profile = Literal["matched", "edge", "radio"]
+OUT = Console(width=None if sys.stdout.isatty() else 160)
+LOG = Console(stderr=True)
+
+
+@contextlib.contextmanager
+def progress(what, total):
+    """A progress bar on standard error; yields how to advance it."""
+    columns = TextColumn(what), BarColumn(), MofNCompleteColumn() if total > 1 else TextColumn("{task.percentage:.0f} %")
+    with Progress(*columns, TimeRemainingColumn(), console=LOG, transient=True, disable=not LOG.is_terminal) as progress:
+        task = progress.add_task(what, total=total)
+        yield lambda amount: progress.advance(task, amount)
+
+
+def say(text, console=OUT, **style):
+    """Print one line as it is: paths are neither wrapped nor read as markup."""
+    console.print(text, markup=False, highlight=False, soft_wrap=True, **style)
+
+
+def show(value) -> str:
+    return ", ".join(map(show, value)) if isinstance(value, tuple) else f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def parse_size(text) -> tuple[int, int]:
+    width, x, height = text.partition("x")
+    if not (x and width.isdecimal() and height.isdecimal()):
+        raise ValueError(f"--size must be WIDTHxHEIGHT, for example 1280x720, is {text!r}")
+    return int(width), int(height)
+
+
+def at_least(name, value, least):
+    if value < least:
+        raise ValueError(f"--{name} must be at least {least}, is {value}")
+
+
+def load_mujoco():
+    """MuJoCo loads the backend that MUJOCO_GL names when it is imported, and fails however that one fails."""
+    try:
+        import mujoco  # noqa: F401
+    except Exception as error:
+        needs = "libegl1 libgl1-mesa-dri libopengl0 (MUJOCO_GL=egl) or libosmesa6 (MUJOCO_GL=osmesa)"
+        backend = os.environ.get("MUJOCO_GL")
+        raise RuntimeError(f"MUJOCO_GL={backend} does not work here ({error}): install {needs}, or unset it") from None
+
+
+def make_folder(path):
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ValueError(f"--out {path}: {error.strerror}") from None
+    if not os.access(path, os.W_OK):
+        raise ValueError(f"--out {path}: permission denied")

@@ -1,0 +1,48 @@
+"""Commands that measure this machine and the mission's defaults."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from rich.table import Table
+
+from ..scenarios import SCENARIOS
+from .console import LOG, OUT, at_least, progress
+
+
+@dataclass(frozen=True)
+class Bench:
+    """Print this machine's speeds, as rates per CPU-second."""
+
+    scenario: Literal["all", "small", "medium", "large"] = "all"
+    """which scenarios"""
+    start: bool = False
+    """also time a first start (compiles everything once more) and a later one"""
+
+    def __call__(self):
+        from ..study.bench import all_speeds
+
+        table = Table("what", "rate", "unit")
+        names = list(SCENARIOS) if self.scenario == "all" else [self.scenario]
+        with LOG.status("measuring"):
+            for speed in all_speeds(names, self.start):
+                table.add_row(speed.what, f"{speed.rate:,.1f}", speed.unit)
+        OUT.print(table)
+
+
+@dataclass(frozen=True)
+class Calibrate:
+    """Measure the references on every scale and hold the defaults against the calibration rules."""
+
+    missions: int = 200
+    """a figure"""
+    workers: int = 2
+    """processes"""
+
+    def __call__(self):
+        from ..study.calibration import FLIGHTS, calibrate, calibration_tables
+
+        at_least("missions", self.missions, 2)
+        at_least("workers", self.workers, 1)
+        with progress("flying", len(FLIGHTS) * self.missions * len(SCENARIOS)) as advance:
+            results = [calibrate(name, self.missions, self.workers, advance) for name in SCENARIOS]
+        OUT.print(*calibration_tables(results, self.missions))

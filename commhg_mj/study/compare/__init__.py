@@ -1,0 +1,5 @@
+"""What changes when communication loss is grounded in geometry: the comparison of the link models (design: radio.md)."""
+
+from .run import compare, count_flights
+
+__all__ = ["compare", "count_flights"]

@@ -1,0 +1,65 @@
+"""The abstract-fit preset: decay lengths of the planar model, fitted to links that the ray-cast model labels.
+
+So a comparison can tell wrong parameters from the wrong, planar, structure (design: radio.md).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from rich.box import MARKDOWN
+from rich.table import Table
+from scipy.optimize import minimize
+
+from ..scenarios import Scenario
+from .fly import fly_recorded
+from .pairs import STATION, links_of
+
+FIRST_SEED = 20_000  # missions of the fit; calibration, training and evaluation use others
+PERIOD = 5  # s between the links of a mission that count
+
+
+class Fit(NamedTuple):
+    """One scenario's fitted decay lengths [m] and how well they, and the scenario's own ones, tell the links' fates."""
+
+    scenario: str
+    forest_decay: float
+    mountain_decay: float
+    log_likelihood: float  # nat a link
+    own_log_likelihood: float
+    links: int
+
+
+def fit(scenario: Scenario, n_missions=40, workers=1, advance=lambda missions: None) -> Fit:
+    """Fit l_f and l_m by maximum likelihood to the ray-cast fates of all robot-robot links in range along missions."""
+    seeds = range(FIRST_SEED, FIRST_SEED + n_missions)
+    found = fly_recorded(_links, scenario, "greedy", seeds, "raycast", workers=workers, advance=advance)
+    links = np.concatenate(found)
+    own = scenario.communication.forest_decay, scenario.communication.mountain_decay
+    forest, mountain, delivered = links["planar_forest"], links["planar_mountain"], links["ray_delivered"]
+    clear = delivered[(forest == 0) & (mountain == 0)].max(initial=0.0)
+
+    def loss(logarithms):
+        p = np.clip(clear * np.exp(-forest / np.exp(logarithms[0]) - mountain / np.exp(logarithms[1])), 1e-9, 1 - 1e-9)
+        return -np.mean(delivered * np.log(p) + (1 - delivered) * np.log(1 - p))
+
+    best = minimize(loss, np.log(own), method="Nelder-Mead", options={"xatol": 1e-4, "fatol": 1e-10})
+    decays = np.exp(best.x)
+    return Fit(scenario.name, *map(float, decays), -float(best.fun), -float(loss(np.log(own))), len(links))
+
+
+def _links(trace):
+    """Robot-robot links in range of one mission, every PERIOD seconds."""
+    links = links_of(trace, PERIOD)
+    return links[(links["kind"] != STATION) & links["in_range"]]
+
+
+def fit_table(fits: list[Fit]) -> Table:
+    """The fields of abstract-fit, as scenarios take them."""
+    table = Table(title="abstract-fit, by maximum likelihood", title_justify="left", box=MARKDOWN)
+    for column in ("scenario", "radio.fitted_forest_decay (m)", "radio.fitted_mountain_decay (m)", "links"):
+        table.add_column(column)
+    table.add_column("log-likelihood a link: own, fitted")
+    for one in fits:
+        likelihood = f"{one.own_log_likelihood:.4f}, {one.log_likelihood:.4f}"
+        table.add_row(one.scenario, f"{one.forest_decay:.1f}", f"{one.mountain_decay:.1f}", f"{one.links:,}", likelihood)
+    return table
