@@ -25,7 +25,7 @@ class Bench:
         names = list(SCENARIOS) if self.scenario == "all" else [self.scenario]
         with LOG.status("measuring"):
             for speed in all_speeds(names, self.start):
-                table.add_row(speed.what, f"{speed.rate:,.1f}", speed.unit)
+                table.add_row(speed.what, f"{speed.rate:,.2f}" if speed.rate < 100 else f"{speed.rate:,.0f}", speed.unit)
         OUT.print(table)
 
 

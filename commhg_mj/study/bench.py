@@ -6,13 +6,20 @@ import subprocess
 import sys
 import tempfile
 import time
+from functools import partial
 from typing import NamedTuple
 
+import numpy as np
+
+from ..models.layout import draw_layout
 from ..models.mjcf import build_model
-from ..models.world import make_world
+from ..models.world import World, make_world
 from ..policies import prepare
+from ..radio.evaluate import WorldLinks
 from ..scenarios import SCENARIOS, Scenario
 
+LINKS = ("abstract", "raycast")
+OBSTACLES, FEWEST = (1, 4, 16), (4, 2)  # times so many forests and mountains, on the same share of the map
 SCALING = ((4, 64), (8, 128), (16, 256), (32, 512), (64, 1024))  # robots, tasks
 
 
@@ -22,32 +29,74 @@ class Speed(NamedTuple):
     unit: str
 
 
-def missions_rate(scenario, n_missions=64, repeats=3) -> Speed:
-    """Ticks per CPU-second of a batch with Greedy, decisions and observations included; best of `repeats`."""
-    ticks, seconds, _ = _fly_timed(scenario, n_missions, repeats)
-    return Speed(f"{scenario.name}: {n_missions} missions", ticks / seconds, "ticks/CPU-s")
+class Flight(NamedTuple):
+    """A timed flight of a batch to its end."""
+
+    ticks: int
+    epochs: int
+    seconds: float  # of CPU
+
+    @property
+    def rate(self) -> float:
+        """Ticks per CPU-second."""
+        return self.ticks / self.seconds
+
+
+def missions_rates(scenario, n_missions=64, repeats=3) -> list[Speed]:
+    """Ticks per CPU-second of a batch with Greedy, decisions and observations included, under both link models."""
+    planar, rays = _fly_timed(scenario, n_missions, repeats, LINKS)
+    what = f"{scenario.name}: {n_missions} missions"
+    return [
+        Speed(f"{what}, abstract links", planar.rate, "ticks/CPU-s"),
+        Speed(f"{what}, ray-cast links", rays.rate, "ticks/CPU-s"),
+        Speed(f"{what}, ray-cast over abstract", rays.rate / planar.rate, "ratio"),
+    ]
 
 
 def epochs_rate(scenario, repeats=3) -> Speed:
     """Decision epochs per CPU-second of one mission alone; best of `repeats`."""
-    _, seconds, epochs = _fly_timed(scenario, 1, repeats)
-    return Speed(f"{scenario.name}: one mission alone", epochs / seconds, "epochs/CPU-s")
+    (flight,) = _fly_timed(scenario, 1, repeats)
+    return Speed(f"{scenario.name}: one mission alone", flight.epochs / flight.seconds, "epochs/CPU-s")
 
 
-def _fly_timed(scenario, n_missions, repeats):
-    """(ticks, CPU-seconds, epochs) of the fastest of some flights after a warm-up."""
-    batch, policy = prepare("greedy", scenario, range(n_missions))
-    best = None
-    for _ in range(repeats + 1):
-        observations, epochs = batch.reset(), 0
-        start = time.process_time()
-        while not batch.over.all():
-            observations = batch.step(policy(observations))
-            epochs += 1
-        seconds = time.process_time() - start
-        if best is None or seconds < best[1]:
-            best = int(batch.time.sum()), seconds, epochs
-    return best
+def _fly_timed(scenario, n_missions, repeats, models=("abstract",)) -> list[Flight]:
+    """The fastest of some flights of each link model after a warm-up, in turns: the machine's moods meet all alike."""
+    teams = [prepare("greedy", scenario, range(n_missions), links=links) for links in models]
+    rounds = [[_fly_once(*team) for team in teams] for _ in range(repeats + 1)]
+    return [min(flights, key=lambda flight: flight.seconds) for flights in zip(*rounds)]
+
+
+def _fly_once(batch, policy) -> Flight:
+    observations, epochs = batch.reset(), 0
+    start = time.process_time()
+    while not batch.over.all():
+        observations = batch.step(policy(observations))
+        epochs += 1
+    return Flight(int(batch.time.sum()), epochs, time.process_time() - start)
+
+
+def link_costs(n_links=20_000, repeats=5) -> list[Speed]:
+    """Microseconds of CPU for one ray-cast link between robots on the large map, with more and more obstacles."""
+    large, costs = SCENARIOS["large"], []
+    for times in OBSTACLES:
+        forests, mountains = FEWEST[0] * times, FEWEST[1] * times
+        rules = dataclasses.replace(large.world, n_forests=forests, n_mountains=mountains)
+        scenario, rng = dataclasses.replace(large, world=rules), np.random.default_rng(0)
+        layout = draw_layout(scenario, rng)
+        links = WorldLinks(World(scenario, 0, layout, np.empty((0, 2)), np.empty(0), None), "raycast")
+        starts = rng.uniform(0, layout.side, (n_links, 2))
+        ends = np.clip(starts + rng.uniform(-1, 1, (n_links, 2)) * links.rules["range"] / np.sqrt(2), 0, layout.side)
+        a, b = (links.robot_antennas(xy, rng.integers(0, 2, n_links)) for xy in (starts, ends))
+        seconds = min(_cpu_seconds(partial(links.between, a, b, 160)) for _ in range(repeats + 1))
+        what = f"one link, {times}x obstacles ({len(layout.forests)} discs, {len(layout.mountains)} mountains)"
+        costs.append(Speed(what, 1e6 * seconds / n_links, "CPU-us"))
+    return costs
+
+
+def _cpu_seconds(work) -> float:
+    start = time.process_time()
+    work()
+    return time.process_time() - start
 
 
 def world_rate(scenario, n_worlds=5) -> Speed:
@@ -63,8 +112,8 @@ def scaling_rates(n_missions=4, time_limit=300) -> list[Speed]:
     speeds = []
     for robots, tasks in SCALING:
         scenario = _team(robots, tasks, time_limit)
-        ticks, seconds, _ = _fly_timed(scenario, n_missions, repeats=1)
-        rate = ticks * robots * tasks / seconds
+        (flight,) = _fly_timed(scenario, n_missions, repeats=1)
+        rate = flight.rate * robots * tasks
         speeds.append(Speed(f"{robots} robots x {tasks} tasks", rate / 1e6, "M pairs/CPU-s"))
     return speeds
 
@@ -94,9 +143,10 @@ def start_times() -> list[Speed]:
 def all_speeds(scenarios, with_start: bool):
     """Yield every speed that `commhg-mj bench` prints."""
     for name in scenarios:
-        yield missions_rate(SCENARIOS[name])
+        yield from missions_rates(SCENARIOS[name])
         yield epochs_rate(SCENARIOS[name])
         yield world_rate(SCENARIOS[name])
+    yield from link_costs()
     yield from scaling_rates()
     if with_start:
         yield from start_times()

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from ... import __version__
 from ...files import whole_file
+from ..statistics import Interval
 from .reading import sentences
 
 STYLE = """
@@ -25,7 +26,7 @@ SECTIONS = (  # title, what it says, tables, figures with captions
         "loss of an abstract link is the margin that its share of delivered packets stands for: one margin for each halving. "
         "Brier score, calibration error (ECE) and the area under the ROC curve (AUC) hold the foretold delivery probability "
         "against drawn ray-cast fates; _fit is the abstract model with fitted decay lengths.",
-        ("links", "blockages"),
+        ("sight", "foresight", "blockages"),
         (
             ("coverage_station", "Where telemetry reaches the station."),
             ("coverage_middle", "Where a broadcast from the middle of the map is heard."),
@@ -38,7 +39,7 @@ SECTIONS = (  # title, what it says, tables, figures with captions
         "Messages",
         "All messages of all missions. Ages count a robot that nothing was heard of as old as the mission; a link connects two "
         "robots when it delivers at least one half.",
-        ("messages", "latency"),
+        ("delivery", "latency"),
         (
             ("latency", "Latency since a message was queued; what expires or is lost never arrives."),
             ("ages", "Age of information and connectivity."),
@@ -48,7 +49,7 @@ SECTIONS = (  # title, what it says, tables, figures with captions
         "Missions",
         "The same missions under every model, hence paired differences (95 % bootstrap intervals over missions). A policy that "
         "was trained under a link model is a row of the policies' table: its columns are the models that it was tested under.",
-        ("metrics", "policies", "ranking"),
+        ("values", "differences", "policies", "ranking"),
         (("missions", "TWCR of the same missions under both models, and differences to the abstract one."),),
     ),
     (
@@ -65,7 +66,9 @@ SECTIONS = (  # title, what it says, tables, figures with captions
         (),
     ),
 )
-HIDDEN = ("metric",)  # columns for programs
+SIGHT = ("samples", "delivered_abstract", "delivered_abstract_fit", "delivered_raycast", "both_clear", "only_abstract_clear",
+         "only_raycast_clear", "both_obstructed")  # fmt: skip
+FORESIGHT = ("excess_bias_db", "excess_rmse_db", "excess_p90_db", "brier", "ece", "auc", "brier_fit", "ece_fit", "auc_fit")
 
 
 def write_report(folder: Path, facts: dict, found: dict, drawn: dict, clip: Path | None) -> Path:
@@ -77,7 +80,7 @@ def write_report(folder: Path, facts: dict, found: dict, drawn: dict, clip: Path
       drawn: paths of figures by name.
       clip: a video, or None.
     """
-    path = folder / "report.html"
+    path, shown = folder / "report.html", found | _arranged(found)
     parts = [f"<h1>Abstract and ray-cast links: {escape(facts['scenario'])}</h1>"]
     parts += ["<ul>", *(f"<li>{escape(sentence)}</li>" for sentence in sentences(found)), "</ul>"]
     if clip:
@@ -85,7 +88,7 @@ def write_report(folder: Path, facts: dict, found: dict, drawn: dict, clip: Path
                              "missions whose TWCR differs most: abstract left, ray cast right."))  # fmt: skip
     for title, text, names, pictures in SECTIONS:
         parts += [f"<h2>{title}</h2>", f"<p>{escape(text)}</p>"]
-        parts += [_table(found[name]) for name in names if found.get(name)]
+        parts += [_table(shown[name]) for name in names if name in shown]
         parts += [_figure(_embed(drawn[name], "image/png", "img"), caption) for name, caption in pictures]
     parts += ["<h2>How this was made</h2>", _facts(facts)]
     with whole_file(path) as part:
@@ -97,22 +100,40 @@ def write_report(folder: Path, facts: dict, found: dict, drawn: dict, clip: Path
     return path
 
 
+def _arranged(found):
+    """Tables as a reader wants them: what the CSV files hold row by row, side by side."""
+    columns = {"sight": SIGHT, "foresight": FORESIGHT}
+    arranged = {name: [{key: row[key] for key in ("links", *keys)} for row in found["links"]] for name, keys in columns.items()}
+    arranged["delivery"] = _side_by_side(found["messages"], "kind", ("delivered", "low", "high"))
+    arranged["values"] = _side_by_side(found["metrics"], "title", ("mean", "low", "high"))
+    differing = [row for row in found["metrics"] if row["condition"] != "abstract"]
+    columns = "difference", "difference_low", "difference_high"
+    arranged["differences"] = [
+        {"difference to abstract": row.pop("title")} | row for row in _side_by_side(differing, "title", columns)
+    ]
+    return arranged
+
+
+def _side_by_side(rows, key, interval):
+    """One row a key, one column a condition: `value [low, high]`."""
+    table = {}
+    for row in rows:
+        table.setdefault(row[key], {key: row[key]})[row["condition"]] = str(Interval(*(row[name] for name in interval)))
+    return list(table.values())
+
+
 def _facts(facts):
-    rows = {
-        **facts,
+    rows = facts | {
         "software": f"commhg_mj {__version__}",
         "date": date.today().isoformat(),
         "tables": "CSV files beside this one",
     }
-    return (
-        "<table>"
-        + "".join(f'<tr><td>{escape(k)}</td><td class="text">{escape(str(v))}</td></tr>' for k, v in rows.items())
-        + "</table>"
-    )
+    cells = (f'<tr><td>{escape(name)}</td><td class="text">{escape(str(value))}</td></tr>' for name, value in rows.items())
+    return f"<table>{''.join(cells)}</table>"
 
 
 def _table(rows):
-    names = [name for name in rows[0] if name not in HIDDEN]
+    names = list(rows[0])
     head = "".join(f"<th>{escape(name.replace('_', ' '))}</th>" for name in names)
     body = "".join("<tr>" + "".join(f"<td>{_cell(row[name])}</td>" for name in names) + "</tr>" for row in rows)
     return f"<table><tr>{head}</tr>{body}</table>"
