@@ -14,8 +14,10 @@ from .mission.decide import Decisions
 from .mission.observe import Observations
 from .mission.score import Score
 from .mission.trace import Trace, load_trace, make_traces, save_trace
+from .models.world import World, make_world
 from .policies import POLICIES, ensure_compiled
 from .radio import LINK_MODELS
+from .radio.evaluate import WorldLinks
 from .scenarios import LIMITATIONS, SCENARIOS, Scenario, load_scenario
 from .terms import IDLE, KEEP, NOBODY, REST
 
@@ -23,8 +25,8 @@ __version__ = "0.1.0"
 
 __all__ = [
     "IDLE", "KEEP", "LIMITATIONS", "LINK_MODELS", "NOBODY", "POLICIES", "REST", "SCENARIOS", "Decisions", "MissionBatch",
-    "Observations", "Scenario", "Score", "Trace", "load_scenario", "load_trace", "make_traces", "make_vec", "save_trace",
-    "stay",
+    "Observations", "Scenario", "Score", "Trace", "World", "WorldLinks", "load_scenario", "load_trace", "make_traces",
+    "make_vec", "make_world", "save_trace", "stay",
 ]  # fmt: skip
 
 

@@ -1,28 +1,38 @@
 """The links of one mission, asked when a message is sent."""
 
 from ..kernels import kernel
-from ..radio.links import mast_antenna, robot_antenna, robot_link, station_link
+from ..radio.links import is_in_range, is_raycast, mast_antenna, passing_share, robot_antenna
 from .access import obstacles_of, robot_of
 
 
 @kernel
-def antenna_of(m, r, obstacles):
-    """Where the antenna is (x, y, z) whose links robot r has: its own, but for the control with shuffled identities."""
-    robot = robot_of(m, robot_of(m, r).radio_of)
-    return robot_antenna(m.rules.radio, obstacles, robot.embodiment, robot.x, robot.y)
+def radio_of(m, r):
+    """The robot whose links robot r has: itself, but for the control with shuffled identities."""
+    return robot_of(m, robot_of(m, r).radio_of)
 
 
 @kernel
 def link_between(m, a, b, kind):
     """Share of messages of a kind that terrain lets pass between robots a and b now; 0 beyond the range."""
+    radio, one, other = m.rules.radio, radio_of(m, a), radio_of(m, b)
+    if not is_in_range(radio, other.x - one.x, other.y - one.y):
+        return 0.0
     obstacles = obstacles_of(m)
-    size = float(m.rules.message_bytes[kind])
-    return robot_link(m.rules.radio, obstacles, antenna_of(m, a, obstacles), antenna_of(m, b, obstacles), size)
+    start = robot_antenna(radio, obstacles, one.embodiment, one.x, one.y)
+    end = robot_antenna(radio, obstacles, other.embodiment, other.x, other.y)
+    return passing_share(radio, obstacles, start, end, float(m.rules.message_bytes[kind]))
 
 
 @kernel
 def link_to_station(m, r, kind):
-    """Share of messages of a kind that terrain lets pass between robot r and the station now."""
-    obstacles = obstacles_of(m)
-    mast = mast_antenna(m.rules.radio, obstacles, m.station_x, m.station_y)
-    return station_link(m.rules.radio, obstacles, antenna_of(m, r, obstacles), mast, float(m.rules.message_bytes[kind]))
+    """Share of messages of a kind that terrain lets pass between robot r and the station now.
+
+    There is no range; as in the paper, planar models give these links no terrain either.
+    """
+    radio = m.rules.radio
+    if not is_raycast(radio):
+        return 1.0
+    robot, obstacles = radio_of(m, r), obstacles_of(m)
+    start = robot_antenna(radio, obstacles, robot.embodiment, robot.x, robot.y)
+    mast = mast_antenna(radio, obstacles, m.station_x, m.station_y)
+    return passing_share(radio, obstacles, start, mast, float(m.rules.message_bytes[kind]))

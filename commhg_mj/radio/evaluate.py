@@ -60,7 +60,7 @@ def measure_links(radio, obstacles, a, b, size, is_robot_link, links):
     for i in range(links.shape[0]):
         link, start, end = links[i], (a[i, 0], a[i, 1], a[i, 2]), (b[i, 0], b[i, 1], b[i, 2])
         measure(radio, obstacles, start, end, size, link)
-        if is_robot_link and not is_in_range(radio, start, end):
+        if is_robot_link and not is_in_range(radio, b[i, 0] - a[i, 0], b[i, 1] - a[i, 1]):
             link.passing = 0.0
         elif not is_robot_link and not is_raycast(radio):
             link.passing = 1.0

@@ -34,9 +34,9 @@ def mast_antenna(radio, obstacles, x, y):
 
 
 @kernel
-def is_in_range(radio, a, b):
-    """Whether two robots may hear each other at all."""
-    return distance(b[0] - a[0], b[1] - a[1]) <= radio.range
+def is_in_range(radio, dx, dy):
+    """Whether two robots, (dx, dy) metres apart in plan, may hear each other at all."""
+    return distance(dx, dy) <= radio.range
 
 
 @kernel
@@ -51,28 +51,16 @@ def measure(radio, obstacles, a, b, size, link):
 
 
 @kernel
-def robot_link(radio, obstacles, a, b, size):
-    """Robot-robot link: the share of packets of `size` [B] that passes terrain, 0 beyond the range.
+def passing_share(radio, obstacles, a, b, size):
+    """The share of packets of `size` [B] that terrain lets pass between two antennas, whatever the range.
 
     Args:
       radio: RADIO record.
       obstacles: of the world (radio/obstacles.py).
       a, b: antennas (x, y, z) [m].
     """
-    if not is_in_range(radio, a, b):
-        return 0.0
     link = obstacles.link[0]
     measure(radio, obstacles, a, b, size, link)
-    return link.passing
-
-
-@kernel
-def station_link(radio, obstacles, a, mast, size):
-    """Robot-station link, without a range; as in the paper, planar models give it no terrain either."""
-    if not is_raycast(radio):
-        return 1.0
-    link = obstacles.link[0]
-    measure_rays(radio, obstacles, a, mast, size, link)
     return link.passing
 
 
