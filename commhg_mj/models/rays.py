@@ -35,6 +35,7 @@ class RayArrays(NamedTuple):
 
 NO_RAYS = RayArrays(np.zeros(0, CANOPY), np.zeros(0, MOUNTAIN), np.zeros(1, CALLS))
 
+
 def _call(context, builder, signature, arguments):
     """Call the C function at the address that comes first, with the other arguments."""
     address, *arguments = arguments

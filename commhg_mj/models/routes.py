@@ -21,7 +21,7 @@ TOUCH = 1e-4  # a leg may graze an ellipse by this share of its squared radius: 
 
 
 class Routes(NamedTuple):
-    """Arrays of one world Lengths in metres."""
+    """Arrays of one world. Lengths in metres."""
 
     frames: np.ndarray  # [parts, 6] inflated ellipse -> unit circle, see layout.unit_frame
     corners: np.ndarray  # [corners, 6] x, y, previous x, y, next x, y on its polygon

@@ -1,7 +1,8 @@
 """The mountains' surface inside kernels: the ground's height, and the profile under a link.
 
 The same triangles as `Layout.ground_height`, which the mesh and so rays and pictures share. Along a line in
-plan the surface bends only at grid lines and diagonals, so that slopes and heights peak there.
+plan the surface bends only at grid lines and diagonals: there slopes and heights above the ray peak. An open
+path may come a little nearer between them, which changes its loss by hundredths of a decibel.
 """
 
 import numpy as np
@@ -77,7 +78,7 @@ def add_edges(height, a, b, u, v, du, dv, s, ds, columns, rows, enter, leave, ho
     """
     if ds == 0.0:
         return horizon
-    first, last = sorted_pair(s + enter * ds, s + leave * ds)
+    first, last = min(s + enter * ds, s + leave * ds), max(s + enter * ds, s + leave * ds)
     length = np.sqrt((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2 + (b[2] - a[2]) ** 2)
     for k in range(int(np.ceil(first)), int(np.floor(last)) + 1):
         t = (k - s) / ds
@@ -96,11 +97,6 @@ def add_edges(height, a, b, u, v, du, dv, s, ds, columns, rows, enter, leave, ho
         if ground > 0.0:
             horizon = add_point(horizon, t, ground - a[2] - t * (b[2] - a[2]), length)
     return horizon
-
-
-@kernel
-def sorted_pair(p, q):
-    return min(p, q), max(p, q)
 
 
 @kernel

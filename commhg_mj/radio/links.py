@@ -18,6 +18,7 @@ PERFECT, RAYCAST, RAYCAST_SHUFFLED = (
 
 @kernel
 def is_raycast(radio):
+    """Whether the 3D world decides."""
     return radio.link_model == RAYCAST or radio.link_model == RAYCAST_SHUFFLED
 
 

@@ -5,14 +5,17 @@ import numpy as np
 from ..kernels import kernel
 from ..models.rays import CERTAIN, is_blocked, metres_in_canopies
 from ..models.terrain import NOTHING, add_profile
-from . import budget
+from .budget import (
+    bullington_loss,
+    foliage_loss,
+    free_space_loss,
+    fresnel_parameter,
+    knife_edge_loss,
+    packet_error,
+    weissberger_loss,
+)
 from .shadowing import shadowing_loss
 
-bullington_loss, foliage_loss, free_space_loss = budget.bullington_loss, budget.foliage_loss, budget.free_space_loss
-fresnel_parameter, knife_edge_loss, weissberger_loss = (
-    budget.fresnel_parameter, budget.knife_edge_loss, budget.weissberger_loss,
-)  # fmt: skip
-packet_error = budget.packet_error
 APART = 1e-6  # m: radios nearer than this are in one place
 
 
@@ -31,7 +34,8 @@ def look(obstacles, wavelength, a, b, length):
 
     Returns:
       (is a mountain in the way, metres in canopies, diffraction parameter nu of the dominant edge, its share of the
-      way from a, its height above the ray [m]); nu is -inf where no mountain comes near.
+      way from a, its height above the ray [m]); nu is -inf where no mountain comes near. As in P.526 heights are
+      upright and distances along the way, which overrates nu of steep links (by 1/cos of the elevation).
     """
     horizon, blocked = NOTHING, False
     low = min(a[2], b[2]) - np.sqrt(wavelength * length)  # an edge deeper below the ray lets everything pass
@@ -107,9 +111,7 @@ def measure_rays(radio, obstacles, a, b, size, link):
     link.diffraction = diffraction(radio, link.nu, length)
     link.shadowing = 0.0
     if radio.shadowing > 0.0:
-        link.shadowing = shadowing_loss(
-            obstacles.waves, radio.shadowing, radio.shadowing_length, a[0], a[1], b[0], b[1]
-        )
+        link.shadowing = shadowing_loss(obstacles.waves, radio.shadowing, radio.shadowing_length, a[0], a[1], b[0], b[1])
     excess = link.foliage + link.diffraction + link.shadowing
     link.snr = radio.clear_snr - link.free_space - excess
     # Matched: over clear ground only the limitation level loses packets.

@@ -40,14 +40,14 @@ RADIO = record(
     antenna=("f8", (2,)),  # m above the ground below a (UAV, UGV)
     mast="f8",  # m above the ground
 )
-LINK = record(  # one link as its model sees it; nan where the model knows no such thing
+LINK = record(  # one link as its model sees it; nan where the model knows no such thing, or of radios in one place
     metres="f8",  # way between the antennas, in three dimensions or in plan
     forest="f8",  # m of it inside forests: canopies, or footprints in plan
     mountain="f8",  # m in plan inside mountains' footprints
     is_blocked="f8",  # 1: a mountain stands in the ray
     nu="f8",  # diffraction parameter of the dominant edge, -inf: none
     edge_at="f8",  # share of the way from a to it
-    edge_height="f8",  # m above the ray
+    edge_height="f8",  # m above the ray, -inf: none
     free_space="f8",  # dB, as all losses
     foliage="f8",
     diffraction="f8",

@@ -35,5 +35,9 @@ def field_at(waves, x, y):
 
 @kernel
 def shadowing_loss(waves, sigma, length, ax, ay, bx, by):
-    """Shadowing [dB] between two places [m]: standard deviation `sigma` [dB], correlation `length` [m]; may be a gain."""
+    """Shadowing [dB] between two places [m], may be a gain; correlation `length` [m].
+
+    Its standard deviation is `sigma` [dB] for ends far apart; the two values of near ends are alike, and it is
+    sigma √(1 + exp(-metres / length)).
+    """
     return sigma * np.sqrt(0.5) * (field_at(waves, ax / length, ay / length) + field_at(waves, bx / length, by / length))

@@ -1,6 +1,9 @@
 """The benchmark measures what it says; how fast this machine is belongs to no test."""
 
+import itertools
+import re
 import subprocess
+from functools import partial
 
 import numpy as np
 import pytest
@@ -19,10 +22,68 @@ def second_a_call(monkeypatch):
 
 
 def test_rates_count_ticks_epochs_and_worlds(second_a_call):
-    assert bench.missions_rate(TINY, n_missions=5, repeats=2) == ("tiny: 5 missions", 5 * 40, "ticks/CPU-s")
+    planar, rays, ratio = bench.missions_rates(TINY, n_missions=5, repeats=2)
+    assert planar == ("tiny: 5 missions, abstract links", 5 * 40, "ticks/CPU-s")
+    assert rays == ("tiny: 5 missions, ray-cast links", 5 * 40, "ticks/CPU-s")
+    assert ratio == ("tiny: 5 missions, ray-cast over abstract", 1, "ratio")
     epochs = bench.epochs_rate(TINY, repeats=1)
     assert epochs.unit == "epochs/CPU-s" and 4 <= epochs.rate <= 41
     assert bench.world_rate(TINY, n_worlds=2) == ("tiny: worlds", 2, "worlds/CPU-s")
+
+
+@pytest.mark.parametrize(
+    "seconds, planar, rays",
+    [
+        ([1, 8, 2, 5, 4, 4, 3, 10], 200 / 1, 200 / 4),
+        ([7, 2, 9, 2, 5, 2, 6, 2], 200 / 5, 200 / 2),
+    ],
+)
+def test_both_models_take_turns_and_the_best_of_each_counts(monkeypatch, seconds, planar, rays):
+    """Flights of the two models alternate; each lasts as long as it is told here."""
+    starts = 1000 * np.arange(len(seconds))
+    clock = itertools.chain.from_iterable(zip(starts, starts + seconds))
+    monkeypatch.setattr(bench.time, "process_time", lambda: next(clock))
+    speeds = bench.missions_rates(TINY, n_missions=5, repeats=3)
+    assert [speed.rate for speed in speeds] == pytest.approx([planar, rays, rays / planar])
+    assert next(clock, None) is None
+
+
+def test_link_models_of_the_rates(monkeypatch):
+    flown = []
+    prepare = bench.prepare
+    monkeypatch.setattr(bench, "prepare", lambda *args, **kwargs: flown.append(kwargs["links"]) or prepare(*args, **kwargs))
+    bench.missions_rates(TINY, n_missions=1, repeats=1)
+    bench.epochs_rate(TINY, repeats=1)
+    assert flown == ["abstract", "raycast", "abstract"]
+
+
+def test_a_link_is_timed_with_more_and_more_obstacles(second_a_call):
+    costs = bench.link_costs(n_links=50, repeats=1)
+    assert [speed.rate for speed in costs] == pytest.approx([1e6 / 50] * 3) and {speed.unit for speed in costs} == {"CPU-us"}
+    discs, mountains = np.array([list(map(int, re.findall(r"(\d+) (?:discs|mountains)", speed.what))) for speed in costs]).T
+    assert all(np.diff(discs) > 0) and all(np.diff(mountains) > 0)
+    assert [speed.what.split(",")[1].split()[0] for speed in costs] == ["1x", "4x", "16x"]
+
+
+def test_a_timed_link_is_in_range_and_ray_cast(monkeypatch):
+    asked = []
+
+    class Links(bench.WorldLinks):
+        def between(self, a, b, size):
+            found = super().between(a, b, size)
+            asked.append((a, found))
+            return found
+
+    monkeypatch.setattr(bench, "WorldLinks", Links)
+    bench.link_costs(n_links=400, repeats=0)
+    shares = []
+    for antennas, found in asked:
+        assert np.isfinite(found["snr"]).all() and len(found) == 400
+        clear = (found["forest"] == 0) & (found["diffraction"] == 0)
+        assert np.all(found["passing"][clear] == 1), "a clear link passes nothing only out of range"
+        assert antennas[:, 2].min() >= 1 and antennas[:, 2].max() >= 60
+        shares.append((found["forest"] > 0).mean())
+    assert len(asked) == 3 and min(shares) > 0.05
 
 
 def test_scaling_counts_pairs(second_a_call, monkeypatch):
@@ -43,8 +104,14 @@ def test_everything_that_bench_prints(monkeypatch):
     monkeypatch.setattr(bench, "SCALING", ((2, 3),))
     for name in SCENARIOS:
         monkeypatch.setitem(SCENARIOS, name, TINY)
+    monkeypatch.setattr(bench, "missions_rates", partial(bench.missions_rates, n_missions=3, repeats=1))
+    monkeypatch.setattr(bench, "link_costs", partial(bench.link_costs, n_links=100, repeats=1))
+    monkeypatch.setattr(bench, "world_rate", partial(bench.world_rate, n_worlds=1))
     speeds = list(bench.all_speeds(["small", "large"], with_start=False))
-    assert len(speeds) == 2 * 3 + 1
+    for_each = ["abstract links", "ray-cast links", "ray-cast over abstract", "one mission alone", "worlds"]
+    said = [re.split(r", |: ", speed.what)[-1] for speed in speeds]
+    assert said[:10] == 2 * for_each and len(speeds) == 10 + len(bench.OBSTACLES) + 1
+    assert [speed.what.startswith("one link, ") for speed in speeds[10:]] == [True, True, True, False]
     assert all(np.isfinite(speed.rate) and speed.rate > 0 for speed in speeds)
 
 
