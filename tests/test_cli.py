@@ -547,11 +547,11 @@ def test_coverage_draws_a_map(run, tiny, tmp_path, monkeypatch):
 def test_coverage_takes_profiles(run, tmp_path, monkeypatch, profile):
     """Without obstacles the planar map is the range's disc around the middle; only matched ray casts end there too."""
     monkeypatch.setattr(coverage, "CELLS", 40)
-    (tmp_path / "bare.toml").write_text(TINY + NO_OBSTACLES + "[communication]\nrange = [0.508, 0.1, 0.1]\n")
+    (tmp_path / "bare.toml").write_text(TINY + NO_OBSTACLES + "[communication]\nrange = [0.4, 0.1, 0.1]\n")
     arguments = ["--scenario", "bare.toml", "--from", "250,250", "--radio-profile", profile, "--out", "c.png"]
     planar, rays, _ = run("coverage", *arguments)[1].splitlines()
     half = [float(line.split("half on ")[1].split("%")[0]) / 100 for line in (planar, rays)]
-    assert half[0] == pytest.approx(np.pi * 0.508**2, abs=0.01)
+    assert half[0] == pytest.approx(np.pi * 0.4**2, abs=0.01)
     assert half[1] == pytest.approx(half[0], abs=1e-9) if profile == "matched" else half[1] > half[0]
 
 
