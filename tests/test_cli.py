@@ -626,10 +626,7 @@ def test_compare_passes_its_options_on(run, tiny, monkeypatch):
         (["links", "--from", "uav0", "--to", "uav1", "--seed", -1], "seed"),
         (["links", "--from", "uav0", "--to", "uav1", "--out", "l.jpg"], "--out l.jpg"),
         (["links", "--from", "uav0", "--to", "uav1", "--out", "l"], "--out l:"),
-        pytest.param(
-            ["links", "--from", "uav0", "--to", "uav1", "--out", "nowhere/l.png"], "nowhere/l.png",
-            marks=pytest.mark.xfail(strict=True, reason="the table is printed before --out is found to be unwritable"),
-        ),
+        (["links", "--from", "uav0", "--to", "uav1", "--out", "nowhere/l.png"], "nowhere/l.png"),
         (["links", "--from", "uav0", "--to", "uav1", "--trace", "none.npz"], "none.npz"),
         (["coverage", "--out", "c.pdf"], "--out c.pdf"),
         (["coverage", "--out", "nowhere/c.png"], "nowhere/c.png"),
@@ -691,26 +688,18 @@ def test_links_takes_profiles(run, tiny, profile, low, high):
     [
         (["--coverage", "nowhere"], "--coverage must be station, uav0"),
         (["--coverage", "501,3"], "--coverage 501,3"),
-        pytest.param(
-            ["--coverage", "uav0"], "--coverage",
-            marks=pytest.mark.xfail(strict=True, reason="it blames --from, which render has for another thing"),
-        ),
-        pytest.param(
-            ["--coverage", "station", "--coverage-height", -1], "--coverage-height",
-            marks=pytest.mark.xfail(strict=True, reason="it blames --height, which render has not"),
-        ),
+        (["--coverage", "uav0"], "--coverage"),
+        (["--coverage", "station", "--coverage-height", -1], "--coverage-height"),
     ],
 )  # fmt: skip
 def test_bad_coverage_of_a_picture(refused, trace, arguments, said):
     assert said in refused("render", trace, "--at", 1, "--size", "96x64", "--out", "p.png", *arguments)
 
 
-@pytest.mark.xfail(strict=True, reason="a mission that was not flown yet counts as over at 0 s")
 @pytest.mark.parametrize("at", [-1, "nan"])
 def test_a_second_before_the_mission_is_told_how_long_it_is(refused, tiny, at):
     assert "0..30 s" in refused("links", "--scenario", tiny, "--from", "uav0", "--to", "uav1", "--at", at)
 
 
-@pytest.mark.xfail(strict=True, reason="count_flights unpacks no policy: 'not enough values to unpack'")
 def test_compare_without_any_policy(refused, tiny):
     assert "policy" in refused("compare", "--scenario", tiny, "--out", "c", "--policy")

@@ -54,9 +54,10 @@ class Links:
         else:
             raise ValueError(f"--at {self.at:g} lies outside the mission, 0..{trace.ticks} s")
         link = explain(make_world(scenario, seed), places, robots, limitation)
-        OUT.print(explanation_table(link))
         if self.out:
             save_figure(section_figure(link), self.out)
+        OUT.print(explanation_table(link))
+        if self.out:
             say(f"wrote {self.out}")
 
 
@@ -104,6 +105,8 @@ class Fit:
     """small, medium, large, a TOML file, or all"""
     missions: int = 40
     """flown by greedy under ray-cast links; their robots' places are the links' ends"""
+    radio_profile: Profile | None = None
+    """calibration of the ray-cast model; by default the scenario's"""
     workers: int = 2
     """processes"""
 
@@ -114,6 +117,7 @@ class Fit:
         at_least("missions", self.missions, 1)
         at_least("workers", self.workers, 1)
         scenarios = list(SCENARIOS.values()) if self.scenario == "all" else [load_scenario(self.scenario)]
+        scenarios = [with_profile(scenario, self.radio_profile) for scenario in scenarios]
         with progress("flying", len(scenarios) * self.missions) as advance:
             results = [fit(scenario, self.missions, self.workers, advance) for scenario in scenarios]
         OUT.print(fit_table(results))

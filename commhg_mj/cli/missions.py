@@ -131,5 +131,6 @@ class Render:
 
         source = parse_place(self.coverage, trace.scenario, "coverage")
         world, label = make_world(trace.scenario, trace.seed), f"delivery probability from {source.text}"
-        coverage = cover(world, source, self.coverage_height, trace.limitation, (trace.links,))
+        options = "coverage", "coverage-height"
+        coverage = cover(world, source, self.coverage_height, trace.limitation, (trace.links,), options)
         return coverage_drape(coverage.delivered[trace.links], label)

@@ -22,18 +22,23 @@ class Coverage:
     delivered: dict
 
 
-def cover(world: World, source: Place, height: float, limitation="nominal", models=MODELS) -> Coverage:
+def cover(
+    world: World, source: Place, height: float, limitation="nominal", models=MODELS, options=("from", "height")
+) -> Coverage:
     """Messages between a place and receivers `height` metres above the ground.
 
     From the station they are telemetry or commands, without a range; from elsewhere broadcasts.
+
+    Args:
+      options: what messages call the source and the height.
 
     Raises:
       ValueError: the source is a robot (its place is a matter of the moment: name a point), or a negative height.
     """
     if source.robot is not None:
-        raise ValueError(f"--from must be station, X,Y or X,Y,Z, is {source.name!r}")
+        raise ValueError(f"--{options[0]} must be station, X,Y or X,Y,Z, is {source.name!r}")
     if not 0 <= height <= 1e5:
-        raise ValueError(f"--height must be a height above the ground in metres, is {height:g}")
+        raise ValueError(f"--{options[1]} must be a height above the ground in metres, is {height:g}")
     transport = world.scenario.communication
     centres = (np.arange(CELLS) + 0.5) / CELLS * world.layout.side
     xy = np.stack(np.meshgrid(centres, centres), axis=-1).reshape(-1, 2)

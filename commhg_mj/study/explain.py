@@ -10,6 +10,7 @@ from ..models.world import World
 from ..policies import prepare
 from ..radio import budget
 from ..radio.evaluate import WorldLinks
+from ..radio.raycast import APART
 from ..radio.rules import system_loss
 from ..scenarios import Scenario
 from .places import Place, antenna_at
@@ -39,7 +40,7 @@ def positions_at(scenario: Scenario, seed: int, at: float) -> np.ndarray:
     """
     batch, act = prepare("greedy", scenario, [seed], record=True)
     observations = batch.observations
-    while not batch.over.all() and batch.time[0] < at:
+    while not batch.over.all() and not 0 <= at <= batch.time[0]:
         observations = batch.step(act(observations))
     if not 0 <= at <= batch.time[0]:
         raise ValueError(f"--at {at:g} lies outside the mission, 0..{batch.time[0]} s")
@@ -53,12 +54,12 @@ def explain(world: World, places, robot_xy, limitation="nominal") -> Explanation
     Raises:
       ValueError: both ends are one place.
     """
-    if places[0] == places[1]:
-        raise ValueError(f"--from and --to are the same place, {places[0].name}")
     transport, to_station = world.scenario.communication, any(place.is_station for place in places)
     size = transport.telemetry_bytes if to_station else transport.broadcast_bytes
     links = {model: WorldLinks(world, model, limitation) for model in MODELS}
     ends = np.stack([antenna_at(place, links["raycast"], robot_xy) for place in places])
+    if np.linalg.norm(ends[1] - ends[0]) < APART:
+        raise ValueError(f"--from and --to are the same place, {places[0].name}")
     if to_station:
         robot_end = ends[[not place.is_station for place in places]]
         seen = {model: links[model].to_station(robot_end, size)[0] for model in MODELS}
@@ -137,7 +138,7 @@ def section_figure(link: Explanation):
         )
     delivered = {model: link.seen[model]["on_time"] + link.seen[model]["late"] for model in MODELS}
     axes.set_title(f"delivered: abstract {delivered['abstract']:.3f}, ray cast {delivered['raycast']:.3f}", loc="left")
-    axes.set(xlabel="metres along the link", ylabel="metres", xlim=(x[0], x[-1]))
+    axes.set(xlabel="metres along the link", ylabel="metres", xlim=(x[0], max(x[-1], 1.0)))
     axes.margins(y=0.12)
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=5, frameon=False)
     return figure

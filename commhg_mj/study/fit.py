@@ -15,6 +15,7 @@ from .fly import fly_recorded
 from .pairs import STATION, links_of
 
 FIRST_SEED = 20_000  # missions of the fit; calibration, training and evaluation use others
+DECAYS = 0.1, 1e6  # m: where nothing decides a length it ends at one of these
 PERIOD = 5  # s between the links of a mission that count
 
 
@@ -30,10 +31,16 @@ class Fit(NamedTuple):
 
 
 def fit(scenario: Scenario, n_missions=40, workers=1, advance=lambda missions: None) -> Fit:
-    """Fit l_f and l_m by maximum likelihood to the ray-cast fates of all robot-robot links in range along missions."""
+    """Fit l_f and l_m by maximum likelihood to the ray-cast fates of all robot-robot links in range along missions.
+
+    Raises:
+      ValueError: there are no such links.
+    """
     seeds = range(FIRST_SEED, FIRST_SEED + n_missions)
     found = fly_recorded(_links, scenario, "greedy", seeds, "raycast", workers=workers, advance=advance)
     links = np.concatenate(found)
+    if not len(links):
+        raise ValueError(f"{scenario.name}: no two robots came into range, there is nothing to fit")
     own = scenario.communication.forest_decay, scenario.communication.mountain_decay
     forest, mountain, delivered = links["planar_forest"], links["planar_mountain"], links["ray_delivered"]
     clear = delivered[(forest == 0) & (mountain == 0)].max(initial=0.0)
@@ -42,7 +49,7 @@ def fit(scenario: Scenario, n_missions=40, workers=1, advance=lambda missions: N
         p = np.clip(clear * np.exp(-forest / np.exp(logarithms[0]) - mountain / np.exp(logarithms[1])), 1e-9, 1 - 1e-9)
         return -np.mean(delivered * np.log(p) + (1 - delivered) * np.log(1 - p))
 
-    best = minimize(loss, np.log(own), method="Nelder-Mead", options={"xatol": 1e-4, "fatol": 1e-10})
+    best = minimize(loss, np.log(own), method="Nelder-Mead", bounds=[np.log(DECAYS)] * 2, options={"xatol": 1e-4, "fatol": 1e-10})
     decays = np.exp(best.x)
     return Fit(scenario.name, *map(float, decays), -float(best.fun), -float(loss(np.log(own))), len(links))
 

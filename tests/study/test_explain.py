@@ -133,7 +133,6 @@ def test_the_same_place_is_refused():
             look(text, text, positions_at(SCENARIO, SEED, 0))
 
 
-@pytest.mark.xfail(strict=True, reason="a link of no length has no ray: nan counts as blocked")
 @pytest.mark.parametrize("ends", [("10,10", "10.0,10"), ("10,10", "10,10,1"), ("10,10", "10,10.0000001")])
 def test_one_place_under_two_names_stands_in_no_mountain(ends):
     try:

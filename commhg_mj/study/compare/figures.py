@@ -23,7 +23,7 @@ def delivery_figure(links):
                 label = f"{model}, {np.mean(~is_clear(ours, model)):.0%} obstructed"
                 ax.ecdf(ours[column_name], color=COLOURS[model], label=label)
         ax.set(title=f"{name} ({len(ours):,})", xlabel="delivery probability", xlim=(-0.02, 1.02))
-        ax.legend(frameon=False, loc="upper left", fontsize=7)
+        _legend(ax, loc="upper left")
     axes[0].set_ylabel("share of links up to it")
     return figure
 
@@ -54,9 +54,15 @@ def blockage_figure(found):
             if len(seconds):
                 ax.ecdf(seconds, complementary=True, color=COLOURS[model], label=f"{model} ({len(seconds):,})")
         ax.set(title=name, xlabel="seconds", xscale="log", yscale="log")
-        ax.legend(frameon=False, fontsize=7)
+        _legend(ax)
     axes[0].set_ylabel("episodes that last longer")
     return figure
+
+
+def _legend(ax, **where):
+    """A legend, where there is anything to name."""
+    if ax.get_legend_handles_labels()[0]:
+        ax.legend(frameon=False, fontsize=7, **where)
 
 
 def latency_figure(results):
@@ -104,7 +110,7 @@ def mission_figure(results):
     axes[0].set(xlabel="TWCR, abstract", ylabel="TWCR, ray cast", xlim=(0, 1), ylim=(0, 1), aspect="equal")
     labels = [label for label in (*MODELS, SHUFFLED) if label != "abstract"]
     gaps = [column(results[label], "twcr") - base for label in labels]
-    parts = axes[1].violinplot(gaps, vert=False, showmeans=True, showextrema=False)
+    parts = axes[1].violinplot(gaps, orientation="horizontal", showmeans=True, showextrema=False)
     for body, label in zip(parts["bodies"], labels):
         body.set_facecolor(COLOURS[label])
     axes[1].axvline(0, color="#bbbbbb", lw=1)

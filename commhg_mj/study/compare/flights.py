@@ -30,7 +30,7 @@ def claim_folder(folder: Path, settings: dict) -> None:
     settings = {"format": FORMAT, "kernels": kernels.CACHE_DIR.name, **settings}
     if path.exists():
         held = _read(path)
-        if held is None:
+        if not isinstance(held, dict):
             raise ValueError(f"{path} is damaged: choose another --out or remove it")
         for name, value in settings.items():
             if held.get(name) != value:

@@ -107,9 +107,9 @@ def latencies(trace, kinds) -> dict:
     """Messages delivered after 0, 1, … LONGEST s in queue and air, and those that met another fate."""
     ours = np.isin(trace.message_kind, kinds) & (trace.message_fate != Fate.UNDERWAY)
     delivered = ours & (trace.message_fate == Fate.DELIVERED)
-    seconds = np.minimum(trace.message_ended[delivered] - trace.message_queued[delivered], LONGEST)
+    seconds = trace.message_ended[delivered] - trace.message_queued[delivered]
     return {
-        "delivered_after": np.bincount(seconds, minlength=LONGEST + 1).tolist(),
+        "delivered_after": np.bincount(seconds, minlength=LONGEST + 1)[: LONGEST + 1].tolist(),
         "expired": int(np.sum(ours & (trace.message_fate == Fate.EXPIRED))),
         "ended": int(ours.sum()),
     }

@@ -60,8 +60,9 @@ SECTIONS = (  # title, what it says, tables, figures with captions
     ),
     (
         "Controls",
-        "Without obstacles both models must give the same missions, bit by bit. With shuffled identities every robot has another "
-        "robot's ray-cast links: the same losses on average, without their geometry.",
+        "In the matched profile without shadowing both models must give the same missions, bit by bit, where there are no "
+        "obstacles. With shuffled identities every robot has another robot's ray-cast links: the same losses on average, "
+        "without their geometry.",
         ("controls",),
         (),
     ),
@@ -88,7 +89,7 @@ def write_report(folder: Path, facts: dict, found: dict, drawn: dict, clip: Path
                              "missions whose TWCR differs most: abstract left, ray cast right."))  # fmt: skip
     for title, text, names, pictures in SECTIONS:
         parts += [f"<h2>{title}</h2>", f"<p>{escape(text)}</p>"]
-        parts += [_table(shown[name]) for name in names if name in shown]
+        parts += [_table(shown[name]) for name in names if shown.get(name)]
         parts += [_figure(_embed(drawn[name], "image/png", "img"), caption) for name, caption in pictures]
     parts += ["<h2>How this was made</h2>", _facts(facts)]
     with whole_file(path) as part:
@@ -116,9 +117,9 @@ def _arranged(found):
 
 def _side_by_side(rows, key, interval):
     """One row a key, one column a condition: `value [low, high]`."""
-    table = {}
+    table, empty = {}, dict.fromkeys((row["condition"] for row in rows), "")
     for row in rows:
-        table.setdefault(row[key], {key: row[key]})[row["condition"]] = str(Interval(*(row[name] for name in interval)))
+        table.setdefault(row[key], {key: row[key]} | empty)[row["condition"]] = str(Interval(*(row[name] for name in interval)))
     return list(table.values())
 
 

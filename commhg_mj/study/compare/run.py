@@ -24,7 +24,7 @@ RECEIVER = 1.5  # m above the ground: of the coverage maps
 
 def count_flights(scenario: Scenario, policies, missions: int) -> int:
     """Missions that a comparison flies in all."""
-    conditions = plan(scenario, policies, missions)
+    conditions = plan(scenario, _check(policies), missions)
     return sum(condition.missions for condition in conditions) + link_missions(conditions[0])
 
 

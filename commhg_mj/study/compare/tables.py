@@ -163,8 +163,8 @@ def control_rows(results: dict) -> list[dict]:
 
 
 def write_csv(path, rows: list[dict]) -> None:
-    """Write rows that share their columns."""
+    """Write rows that share their columns; without rows, an empty file."""
     with whole_file(path) as part, open(part, "w", newline="") as file:
-        writer = csv.DictWriter(file, list(rows[0]))
+        writer = csv.DictWriter(file, list(rows[0]) if rows else [])
         writer.writeheader()
         writer.writerows(rows)

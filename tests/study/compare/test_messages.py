@@ -85,7 +85,6 @@ def test_latencies_against_counting(trace, record, route):
     assert ended == sum(record[f"{kind.name.lower()}_ended"] for kind in kinds)
 
 
-@pytest.mark.xfail(strict=True, reason="what is delivered later than LONGEST counts as delivered within LONGEST")
 def test_later_than_the_longest_is_not_within_it():
     """Possible with a time to live of more than a minute."""
     later = SimpleTrace([Kind.TELEMETRY] * 2, [0, 0], [3, LONGEST + 40], [Fate.DELIVERED] * 2)
