@@ -355,5 +355,6 @@ def test_odd_teams_and_worlds(scenario, tmp_path, monkeypatch, fields):
     assert page.tags["img"] == len(PNG)
     with open(tmp_path / "links.csv", newline="") as file:
         names = [row["links"] for row in csv.DictReader(file)]
-    between = [] if odd.n_robots == 1 else ["UAV-UAV" if odd.n_uav else "UGV-UGV"]
+    teams = {"UAV-UAV": odd.n_uav > 1, "UAV-UGV": odd.n_uav and odd.n_ugv, "UGV-UGV": odd.n_ugv > 1}
+    between = [name for name, exists in teams.items() if exists]
     assert names == [*between, "robot-station", *(["robot-robot"] if between else []), "all"]
