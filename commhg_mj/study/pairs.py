@@ -11,7 +11,7 @@ STATION = 3  # index into CLASSES
 PAIR = np.dtype(
     [("time", "i4"), ("a", "i2"), ("b", "i2"), ("kind", "i1"), ("in_range", "?"),
      ("planar_forest", "f4"), ("planar_mountain", "f4"), ("planar_passing", "f4"), ("planar_delivered", "f4"),
-     ("fit_delivered", "f4"),     ("ray_forest", "f4"), ("ray_blocked", "?"), ("ray_excess", "f4"), ("ray_delivered", "f4")]
+     ("fit_delivered", "f4"), ("ray_forest", "f4"), ("ray_blocked", "?"), ("ray_excess", "f4"), ("ray_delivered", "f4")]
 )  # fmt: skip
 
 

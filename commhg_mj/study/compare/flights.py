@@ -11,7 +11,7 @@ from ...files import whole_file
 from ...mission.trace import make_traces
 from ...scenarios import to_json
 from ..fly import chunks_of, fly_to_end, spread
-from ..pairs import PAIR, links_of
+from ..pairs import links_of
 from .links import blockages
 from .messages import mission_record
 from .plan import LINK_MISSIONS, Condition
@@ -59,14 +59,20 @@ def fly_conditions(
         jobs[condition.label] = [
             (_part(folder, condition.label, chunk), condition, chunk, limitation) for chunk in chunks_of(seeds)
         ]
-    todo = []
-    for job in (job for each in jobs.values() for job in each):
-        if _read(job[0]) is None:
-            todo.append(job)
-        else:
-            advance(len(job[2]))
+    todo = _missing([job for each in jobs.values() for job in each], _read, lambda job: advance(len(job[2])))
     spread(_fly_part, todo, workers, advance)
     return {label: [record for job in each for record in _read(job[0])] for label, each in jobs.items()}
+
+
+def _missing(jobs, read, tell):
+    """The jobs whose part, their first argument, is not there or damaged; the others are told of."""
+    todo = []
+    for job in jobs:
+        if read(job[0]) is None:
+            todo.append(job)
+        else:
+            tell(job)
+    return todo
 
 
 def _part(folder, label, seeds) -> Path:
@@ -98,13 +104,7 @@ def look_at_links(
     """(links [n] PAIR in range every PERIOD seconds, blockages [m] BLOCKAGE) along a condition's first missions."""
     seeds = range(first_seed, first_seed + link_missions(condition))
     jobs = [(folder / "parts" / f"links-{seed}.npz", condition, seed, limitation) for seed in seeds]
-    todo = []
-    for job in jobs:
-        if _read_links(job[0]) is None:
-            todo.append(job)
-        else:
-            advance(1)
-    spread(_look_part, todo, workers, advance)
+    spread(_look_part, _missing(jobs, _read_links, lambda job: advance(1)), workers, advance)
     found = [_read_links(job[0]) for job in jobs]
     return np.concatenate([links for links, _ in found]), np.concatenate([blocked for _, blocked in found])
 
@@ -127,5 +127,5 @@ def _look_part(path, condition, seed, limitation) -> int:
     links = links_of(make_traces(batch, condition.policy)[0])
     links = links[links["in_range"]]
     with whole_file(path) as part, open(part, "wb") as file:
-        np.savez_compressed(file, links=links[links["time"] % PERIOD == 0].astype(PAIR), blockages=blockages(links))
+        np.savez_compressed(file, links=links[links["time"] % PERIOD == 0], blockages=blockages(links))
     return 1
