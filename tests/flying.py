@@ -65,9 +65,9 @@ class WatchedBatch(MissionBatch):
         self.watch = watch
         super().__init__(*args, **kwargs)
 
-    def _advance(self):
+    def _advance(self, seconds):
         self.watch(self, True)
-        observations = super()._advance()
+        observations = super()._advance(seconds)
         self.watch(self, False)
         return observations
 

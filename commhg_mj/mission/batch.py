@@ -33,8 +33,8 @@ LOWEST, HIGHEST = np.iinfo(np.int32).min, np.iinfo(np.int32).max
 
 
 @kernel
-def advance_and_observe(missions, seen, masks):
-    """Advance every mission until somebody in it is due, and observe for all who are.
+def advance_and_observe(missions, seconds, seen, masks):
+    """Advance every mission until somebody in it is due or by its `seconds` [E], and observe for all who are due.
 
     Mission by mission, so that its arrays are still in the processor's cache when they are observed.
 
@@ -47,7 +47,7 @@ def advance_and_observe(missions, seen, masks):
     i, k = 0, 0
     for e in range(missions.shape[0]):
         m = missions[e]
-        advance(m)
+        advance(m, seconds[e])
         if m.over:
             continue
         for r in range(m.n_robots):
@@ -100,26 +100,47 @@ class MissionBatch:
         """A copy or an unpickled batch has arrays of its own: its missions must find those."""
         self.__dict__.update(attributes)
         self._grounds = [ground_of(world, self.links) for world in self.worlds]
-        wire(self.state, self._grounds, self.log)
+        self._wire()
+
+    def _wire(self):
+        for e, ground in enumerate(self._grounds):
+            wire(self.state, self.log, e, ground)
 
     def reset(self) -> Observations:
         """Back to t = 0 of the same missions; everybody is due."""
         n = len(self.seeds)
         self.state: State = new_state(n, self.scenario)
         self.log = new_log(n, self.scenario, self.record)
-        wire(self.state, self._grounds, self.log)
+        self._wire()
         write_rules(self.state.missions, self.scenario, self.links, self.limitation)
         for e, world in enumerate(self.worlds):
             draw_mission(self.state, e, world)
         initialize(self.state)
         self.rewards = np.zeros((n, 2))
-        return self._advance()
+        self._is_new = np.ones(n, bool)
+        return self._advance(0)
 
-    def step(self, decisions: Decisions) -> Observations:
+    def restart(self, e: int, seed: int) -> None:
+        """Begin another mission in the place of mission `e`, which is over; the next step observes its t = 0.
+
+        Raises:
+          ValueError: mission `e` is still under way, or the seed is impossible.
+        """
+        if not self.state.missions["over"][e]:
+            raise ValueError(f"mission {e} is still under way")
+        fresh = MissionBatch(self.scenario, [seed], self.links, self.limitation, self.record)
+        for mine, new in zip((*self.state, *self.log), (*fresh.state, *fresh.log)):
+            mine[e] = new[0]
+        self.seeds[e], self.worlds[e], self._grounds[e] = fresh.seeds[0], fresh.worlds[0], fresh._grounds[0]
+        wire(self.state, self.log, e, self._grounds[e])
+        self._is_new[e] = True
+
+    def step(self, decisions: Decisions, seconds: int = 0) -> Observations:
         """Let the decisions take effect and advance to the next decision epochs.
 
         Args:
           decisions: one choice for each row of the last observations.
+          seconds: advance every mission by so many instead; whoever falls due meanwhile stays so until the end.
 
         Returns:
           The observations of everybody who is due; no rows for missions that are over.
@@ -130,13 +151,15 @@ class MissionBatch:
         decisions = self._check(decisions)
         before = self.state.missions["reward"].copy()
         apply_decisions(self.state.missions, self._masks, decisions)
-        observations = self._advance()
+        observations = self._advance(seconds)
         self.rewards = self.state.missions["reward"] - before
         return observations
 
-    def _advance(self) -> Observations:
+    def _advance(self, seconds) -> Observations:
+        """Advance and observe; a new mission stands at t = 0, where everybody is due."""
         seen, masks = new_observations(len(self.seeds), self.scenario), new_masks(len(self.seeds), self.scenario)
-        n, k = advance_and_observe(self.state.missions, seen, masks)
+        n, k = advance_and_observe(self.state.missions, np.where(self._is_new, 0, seconds), seen, masks)
+        self._is_new[:] = False
         self.observations = Observations(*(table[:rows] for table, rows in zip(seen, (n, n, n, n, k, k))))
         self._masks = Masks(*(table[:rows] for table, rows in zip(masks, (n, n, n, k, k))))
         return self.observations

@@ -220,29 +220,27 @@ def ground_of(world: World, links: str) -> Ground:
     )
 
 
-def wire(state: State, grounds: list[Ground], log) -> None:
-    """Tell every mission's record where its arrays lie.
+def wire(state: State, log, e: int, ground: Ground) -> None:
+    """Tell the record of mission `e` where its arrays lie.
 
     Their owner must outlive the kernels' calls; a mission's record is of no use to another batch.
     """
-    missions = state.missions
-    missions["n_robots"], missions["n_operators"] = state.robots.shape[1], state.operators.shape[1]
-    missions["n_tasks"] = state.tasks.shape[1]
-    missions["n_uplink_places"], missions["n_downlink_places"] = state.uplinks.shape[2], state.downlinks.shape[2]
-    missions["n_link_columns"] = state.robots.shape[1] + 1
-    missions["n_log_ticks"], missions["n_log_messages"] = log.robots.shape[1], log.messages.shape[1]
-    for e, ground in enumerate(grounds):
-        mission = missions[e]
-        mission["n_parts"], mission["n_corners"] = len(ground.frames), len(ground.corners)
-        for name in ("canopies", "mountains", "waves"):
-            mission[f"n_{name}"] = len(getattr(ground, name))
-        for prefix, arrays in (("", state._asdict()), ("log_", log._asdict())):
-            for name, array in arrays.items():
-                if name != "missions":
-                    mission[f"{prefix}{name}_at"] = array[e].ctypes.data
-        for name, array in ground._asdict().items():
-            assert array.flags.c_contiguous
-            mission[f"{name}_at"] = array.ctypes.data
+    mission = state.missions[e]
+    mission["n_robots"], mission["n_operators"] = state.robots.shape[1], state.operators.shape[1]
+    mission["n_tasks"] = state.tasks.shape[1]
+    mission["n_uplink_places"], mission["n_downlink_places"] = state.uplinks.shape[2], state.downlinks.shape[2]
+    mission["n_link_columns"] = state.robots.shape[1] + 1
+    mission["n_log_ticks"], mission["n_log_messages"] = log.robots.shape[1], log.messages.shape[1]
+    mission["n_parts"], mission["n_corners"] = len(ground.frames), len(ground.corners)
+    for name in ("canopies", "mountains", "waves"):
+        mission[f"n_{name}"] = len(getattr(ground, name))
+    for prefix, arrays in (("", state._asdict()), ("log_", log._asdict())):
+        for name, array in arrays.items():
+            if name != "missions":
+                mission[f"{prefix}{name}_at"] = array[e].ctypes.data
+    for name, array in ground._asdict().items():
+        assert array.flags.c_contiguous
+        mission[f"{name}_at"] = array.ctypes.data
 
 
 def write_rules(missions, scenario: Scenario, links: str, limitation: str) -> None:

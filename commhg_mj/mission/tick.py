@@ -234,7 +234,12 @@ def is_anybody_due(m):
 
 
 @kernel
-def advance(m):
-    """Tick until somebody is due or the mission is over."""
-    while not m.over and not is_anybody_due(m):
-        tick(m)
+def advance(m, seconds):
+    """Tick for so many `seconds`, whoever is due meanwhile, or with 0 until somebody is due; at most to the end."""
+    if seconds > 0:
+        until = m.now + seconds
+        while not m.over and m.now < until:
+            tick(m)
+    else:
+        while not m.over and not is_anybody_due(m):
+            tick(m)

@@ -84,7 +84,7 @@ def keep_operator(state, truth, h):
 
 def observe(batch, n_robots, n_operators):
     seen, masks = new_observations(1, batch.scenario), new_masks(1, batch.scenario)
-    assert advance_and_observe(batch.state.missions, seen, masks) == (n_robots, n_operators)
+    assert advance_and_observe(batch.state.missions, np.zeros(1, int), seen, masks) == (n_robots, n_operators)
     return type(seen)(*(table[:n] for table, n in zip(seen, [n_robots] * 4 + [n_operators] * 2)))
 
 

@@ -1,0 +1,101 @@
+"""Missions as every task interface sees them: actions in, padded tables and masks out, over one `MissionBatch`."""
+
+from collections.abc import Sequence
+from numbers import Integral
+
+import numpy as np
+
+from ..mission.batch import MissionBatch, check_seed
+from ..mission.decide import Decisions
+from ..policies import POLICIES, ensure_compiled
+from ..radio.rules import radio_rules
+from ..scenarios import Scenario, load_scenario
+from .choices import Choices, close_choices, open_choices, read_actions
+from .tables import fill_tables, new_tables
+
+LARGEST_SEED = 2**31
+
+
+class Team:
+    """Teams in missions of one scenario, side by side.
+
+    Args:
+      scenario: name, TOML file or `Scenario`.
+      links: a link model's name.
+      limitation: "nominal", "low" or "high".
+      period: seconds of every step, whoever falls due meanwhile; 0: to the next decision epoch of anybody.
+      seeds: the missions that unseeded episodes are drawn from, as `range(1000)`; None: all.
+      record: keep what a trace needs.
+
+    Raises:
+      ValueError: an argument is impossible; the message names it.
+    """
+
+    def __init__(self, scenario, links="abstract", limitation="nominal", period=0, seeds=None, record=False):
+        self.scenario: Scenario = load_scenario(scenario)
+        radio_rules(self.scenario, links, limitation)
+        if isinstance(period, bool) or not isinstance(period, Integral) or period < 0:
+            raise ValueError(f"period must be a whole number of seconds, 0 for decision epochs, is {period!r}")
+        if seeds is not None and (not isinstance(seeds, Sequence | np.ndarray) or isinstance(seeds, str) or not len(seeds)):
+            raise ValueError(f"seeds must be a list or range of seeds, is {seeds!r}")
+        self.links, self.limitation, self.period, self.seeds, self.record = links, limitation, int(period), seeds, record
+        self.choices = Choices(self.scenario)
+
+    def draw_seed(self, rng) -> int:
+        """The seed of the next unseeded episode, from a numpy Generator."""
+        if self.seeds is None:
+            return int(rng.integers(LARGEST_SEED))
+        return check_seed(self.seeds[int(rng.integers(len(self.seeds)))])
+
+    def begin(self, seeds) -> None:
+        """Begin missions with these seeds; everybody is due."""
+        ensure_compiled(POLICIES.values())
+        self.batch = MissionBatch(self.scenario, seeds, self.links, self.limitation, self.record)
+        n, actors = len(self.batch.seeds), self.scenario.n_robots + self.scenario.n_operators
+        self.tables = new_tables(n, self.scenario)
+        self.due = np.ones((n, actors), np.int8)
+        self.mask = np.zeros((n, self.choices.n_numbers), np.int8)
+        self.replaced = np.zeros(n, np.int64)
+        self.time, self.elapsed = np.zeros(n), np.zeros(n)
+        self.rewards = np.zeros(n)
+        self._show()
+
+    def restart(self, e: int, seed: int) -> None:
+        """Begin another mission in the place of mission `e`, which is over; it is seen with the next step."""
+        self.batch.restart(e, seed)
+        self.due[e] = 1
+
+    def step(self, actions) -> None:
+        """Decide for all who are due and advance; afterwards the attributes hold what follows from it.
+
+        Args:
+          actions: [E, 3 R + H] whole numbers (tasks/choices.py); masked ones count as staying.
+
+        Raises:
+          ValueError: an action that does not exist; nothing has changed then.
+        """
+        batch, before = self.batch, self.time
+        seen = batch.observations
+        actions = self.choices.check(actions, len(self.due))
+        n, k = len(seen.robots), len(seen.operators)
+        decisions = Decisions(
+            np.empty(n, np.int32), np.empty(n, bool), np.empty(n, np.int32), np.empty(n, bool), np.empty(k, np.int32)
+        )
+        starts, n_robots = self.choices.starts, self.scenario.n_robots
+        read_actions(seen, actions, self.mask, starts, n_robots, decisions, self.replaced)
+        batch.step(decisions, self.period)
+        self.time = batch.time
+        self.elapsed = np.maximum(self.time - before, 0.0)  # a new mission has not elapsed yet
+        self.rewards = batch.rewards.sum(axis=1)
+        self._show()
+
+    def _show(self):
+        starts, n_robots = self.choices.starts, self.scenario.n_robots
+        close_choices(self.mask, self.due, starts, n_robots)
+        open_choices(self.batch.observations, self.mask, self.due, starts, n_robots)
+        fill_tables(self.batch.observations, self.tables)
+
+    @property
+    def over(self) -> np.ndarray:
+        """[E] bool: missions that have ended."""
+        return self.batch.over
