@@ -232,11 +232,11 @@ def _add_forest(spec, forest, rng):
         _add_mesh(spec, f"trees{i}", meshes.clump_mesh(trees, shapes, rng))
     half = 0.5**0.5
     quats = [[1, 0, 0, 0], [half, 0, 0, half], [0, 0, 0, 1], [half, 0, 0, -half]]
-    for index, x, y, turns, tint in forest.places:
+    for i, (index, x, y, turns, tint) in enumerate(forest.places):
         rgba = np.round([0.9 + 0.1 * tint, 0.92 - 0.06 * tint, 0.9 - 0.1 * tint, 1], 2)
         mesh, quat = f"trees{int(index)}", quats[int(turns)]
         style = {"meshname": mesh, "material": "foliage", "rgba": rgba}
-        _geom(spec.worldbody, "mesh", Group.VISUAL, pos=[x, y, 0], quat=quat, **style)
+        _geom(spec.worldbody, "mesh", Group.VISUAL, name=f"trees{i}", pos=[x, y, 0], quat=quat, **style)
 
 
 def write_world(world: World, path) -> None:

@@ -29,6 +29,19 @@ def make_context(width: int, height: int):
     raise RuntimeError(f"no OpenGL without a display ({'; '.join(failures)}): install the Debian packages {needs}")
 
 
+def choose_backend() -> None:
+    """Set MUJOCO_GL for dm_control, which reads it when it is imported and asks for a screen unless told otherwise."""
+    if sys.platform != "linux" or any(name in os.environ for name in ("MUJOCO_GL", "DISPLAY", "WAYLAND_DISPLAY")):
+        return
+    for backend in PACKAGES:
+        try:
+            _load(backend)
+        except Exception:  # noqa: BLE001  as above
+            continue
+        os.environ["MUJOCO_GL"] = backend
+        return
+
+
 def _load(backend):
     """MuJoCo's wrapper of a backend; PyOpenGL, once loaded for another one, must be loaded anew."""
     if os.environ.get("PYOPENGL_PLATFORM", backend) != backend:

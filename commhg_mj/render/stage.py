@@ -5,6 +5,7 @@ import mujoco
 import numpy as np
 
 from ..models.mjcf import build_model
+from ..models.poses import attitude, robot_positions
 from ..terms import Activity
 from .cameras import Projection, place_camera
 from .drape import lay_drape
@@ -14,7 +15,6 @@ SUPERSAMPLING = 1.5  # rendered this much larger, then reduced: cheaper and smoo
 SPIN = 23.0  # rad/s of the mission: any odd number looks like spinning
 FORWARD_PITCH = 0.12  # rad of a UAV on its way
 FALLEN_ROLL = 0.5  # rad of a failed UAV on the ground
-FALLEN_HEIGHT = 1.0  # m of its hull above the ground
 GREY = np.array([0.32, 0.32, 0.34, 1.0], np.float32)
 
 
@@ -51,11 +51,7 @@ class Stage:
 
     def positions(self, moment) -> np.ndarray:
         """Where the robots are [R, 3] m."""
-        ground = self.world.layout.ground_height(moment.xy)
-        flying = np.arange(len(moment.xy)) < self.world.scenario.n_uav
-        failed = moment.activity == Activity.FAILED
-        height = np.where(flying, np.where(failed, FALLEN_HEIGHT, self.world.scenario.world.uav_height), 0.0)
-        return np.c_[moment.xy, ground + height]
+        return robot_positions(self.world, moment.xy, moment.activity == Activity.FAILED)
 
     def render(self, moment, camera: str) -> tuple[np.ndarray, Projection]:
         """(picture [height, width, 3] in blue, green, red; the projection that it was taken with)."""
@@ -84,7 +80,7 @@ class Stage:
             roll, pitch = 0.0, 0.0
             if flying:
                 roll, pitch = (FALLEN_ROLL, 0.0) if failed else (-moment.bank[i], FORWARD_PITCH * moment.moving[i])
-            data.mocap_pos[body.mocap], data.mocap_quat[body.mocap] = at, _attitude(moment.heading[i], pitch, roll)
+            data.mocap_pos[body.mocap], data.mocap_quat[body.mocap] = at, attitude(moment.heading[i], pitch, roll)
             if failed:
                 model.geom_rgba[body.geoms] = GREY
             data.qpos[body.joints] = 0.0 if failed else SPIN * moment.time * body.spins
@@ -111,10 +107,3 @@ class _Body:
         self.geoms = np.flatnonzero(inside[model.geom_bodyid])
         self.joints = model.jnt_qposadr[inside[model.jnt_bodyid]]
         self.spins = np.where(np.arange(len(self.joints)) % 2, 1, -1)  # neighbours turn against each other
-
-
-def _attitude(heading, pitch, roll):
-    """Quaternion of yaw, then pitch (nose down positive), then roll (right wing down positive)."""
-    quat = np.empty(4)
-    mujoco.mju_euler2Quat(quat, np.array([heading, pitch, roll]), "zyx")
-    return quat

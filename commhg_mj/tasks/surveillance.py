@@ -1,0 +1,181 @@
+"""The domain of surveillance missions, one task a scenario, in the manner of dm_control's suite."""
+
+import numpy as np
+import tree
+from dm_control.rl import control
+from dm_control.utils import containers
+from dm_env import specs
+
+from ..models.world import make_world
+from ..scenarios import SCENARIOS
+from ..terms import Activity
+from .columns import COLUMNS, ROWS, table_bounds, table_shape
+from .physics import Physics
+from .team import Team
+
+SUITE = containers.TaggedTasks()
+TAGS = {"small": ("benchmarking", "easy"), "medium": ("benchmarking",), "large": ("benchmarking", "hard")}
+
+
+def make(scenario, random=None, pictures=True, environment_kwargs=None, **options):
+    """The environment of a scenario.
+
+    Args:
+      scenario: name, TOML file or `Scenario`.
+      random: the seed of the first episode, from which the others follow; or a `RandomState` that draws it; None: any.
+      pictures: whether the world looks like anything; without, episodes begin ten times faster.
+      environment_kwargs: options of `MissionEnvironment`.
+      options: of `commhg_mj.tasks.Team`.
+    """
+    task = Surveillance(scenario, random, **options)
+    physics = Physics.from_world(make_world(task.team.scenario, task.next_seed), pictures, task.timestep)
+    return MissionEnvironment(physics, task, **(environment_kwargs or {}))
+
+
+def _add(scenario):
+    def load(**task_kwargs):
+        return make(scenario, **task_kwargs)
+
+    load.__name__, load.__doc__ = scenario, f"Returns the surveillance task of the {scenario} scenario; options as `make`."
+    SUITE.add(*TAGS[scenario])(load)
+
+
+for _scenario in SCENARIOS:
+    _add(_scenario)
+
+
+class Surveillance(control.Task):
+    """A team's mission: decisions in, padded tables, masks and the team reward out."""
+
+    def __init__(self, scenario, random=None, **options):
+        self.team = Team(scenario, **options)
+        self.visualize_reward = False  # dm_control sets it; colours here show the mission
+        self.seed(random)
+
+    def seed(self, random) -> None:
+        """Fix the next episode and those after it; arguments as for `make`."""
+        if isinstance(random, np.random.RandomState):
+            random = int(random.randint(2**31 - 1))
+        self._rng = np.random.default_rng(random)
+        self.next_seed = self.team.draw_seed(self._rng) if random is None else random
+
+    @property
+    def timestep(self) -> float:
+        """Seconds of a step, at least."""
+        return float(max(1, self.team.period))
+
+    def initialize_episode(self, physics):
+        """Begin the next mission in its own world."""
+        self.team.begin([self.next_seed])
+        self.next_seed = self.team.draw_seed(self._rng)
+        physics.reload(self.team.batch.worlds[0])
+        self.after_step(physics)
+
+    def before_step(self, action, physics):
+        """Decide and advance."""
+        self.team.step(np.asarray(action)[None])
+
+    def after_step(self, physics):
+        """Put the bodies where the robots are."""
+        robots = self.team.batch.state.robots[0]
+        xy = np.stack([robots["x"], robots["y"]], axis=-1)
+        physics.place_robots(xy, robots["activity"] == Activity.FAILED, self.team.time[0])
+
+    def get_reward(self, physics):
+        """The team reward of the seconds since the last step (paper, eq. 4)."""
+        return float(self.team.rewards[0])
+
+    def get_termination(self, physics):
+        """The time limit is part of the mission: nothing comes after it."""
+        return 0.0 if self.team.over[0] else None
+
+    def get_observation(self, physics):
+        """Nested arrays of their own: tables by column, who is due, what is open, and the time."""
+        team, n_robots = self.team, self.team.scenario.n_robots
+        observation = {
+            name: {column: table[0, ..., c].copy() for c, column in enumerate(COLUMNS[name])}
+            for name, table in team.tables._asdict().items()
+        }
+        observation["robots"]["due"] = team.due[0, :n_robots].copy()
+        observation["operators"]["due"] = team.due[0, n_robots:].copy()
+        observation["action_mask"] = team.mask[0].copy()
+        observation["time"], observation["elapsed"] = team.time.astype(np.float32), team.elapsed.astype(np.float32)
+        return observation
+
+    def observation_spec(self, physics):
+        """Bounds, types and names of `get_observation`."""
+        scenario, limit = self.team.scenario, self.team.scenario.time_limit
+        spec = {}
+        for table in ROWS:
+            shape, bounds = table_shape(table, scenario)[:-1], zip(COLUMNS[table], *table_bounds(table, scenario))
+            spec[table] = {name: _bounded(f"{table}/{name}", shape, np.float32, low, high) for name, low, high in bounds}
+        spec["robots"]["due"] = _bounded("robots/due", (scenario.n_robots,), np.int8, 0, 1)
+        spec["operators"]["due"] = _bounded("operators/due", (scenario.n_operators,), np.int8, 0, 1)
+        spec["action_mask"] = _bounded("action_mask", (self.team.choices.n_numbers,), np.int8, 0, 1)
+        spec["time"] = _bounded("time", (1,), np.float32, 0, limit)
+        spec["elapsed"] = _bounded("elapsed", (1,), np.float32, 0, limit)
+        return spec
+
+    def action_spec(self, physics):
+        """One number a choice (tasks/choices.py); their names, separated by tabs, are the spec's."""
+        choices = self.team.choices
+        return _bounded("\t".join(choices.names), choices.sizes.shape, np.int32, 0, choices.sizes - 1)
+
+
+def _bounded(name, shape, dtype, low, high):
+    return specs.BoundedArray(shape, dtype, low, high, name)
+
+
+class MissionEnvironment(control.Environment):
+    """dm_control's environment, whose steps last as long as nobody decides.
+
+    Args:
+      physics, task: of one scenario.
+      flat_observation: one array in place of the nested ones, in the order of `tree.flatten`.
+      gamma: discount of one second; a step that lasted dt seconds is discounted by gamma ** dt, None: not at all.
+    """
+
+    def __init__(self, physics, task, flat_observation=False, gamma=None):
+        if gamma is not None and not 0.0 <= gamma <= 1.0:
+            raise ValueError(f"gamma must lie in 0..1, is {gamma!r}")
+        super().__init__(physics, task)
+        self._is_flat, self._gamma = flat_observation, gamma
+
+    def reset(self, seed=None):
+        """The first step of the next episode, or of the mission with that seed."""
+        if seed is not None:
+            self.task.seed(seed)
+        return self._finish(super().reset())
+
+    def step(self, action):
+        """To the next decision epoch; after the last step of an episode, `reset`."""
+        is_first = self._reset_next_step
+        timestep = super().step(action)
+        return timestep if is_first else self._finish(timestep)
+
+    def _finish(self, timestep):
+        if self._gamma is not None and timestep.mid():
+            timestep = timestep._replace(discount=float(self._gamma ** self.task.team.elapsed[0]))
+        if self._is_flat:
+            timestep = timestep._replace(observation={control.FLAT_OBSERVATION_KEY: _flat(timestep.observation)})
+        return timestep
+
+    def observation_spec(self):
+        """Of `observation`: nested `BoundedArray`s, or one."""
+        spec = super().observation_spec()
+        if not self._is_flat:
+            return spec
+        low, high = (_flat(tree.map_structure(lambda s, end=end: np.broadcast_to(end(s), s.shape), spec)) for end in (_low, _high))
+        return {control.FLAT_OBSERVATION_KEY: _bounded(control.FLAT_OBSERVATION_KEY, low.shape, np.float32, low, high)}
+
+
+def _low(spec):
+    return spec.minimum
+
+
+def _high(spec):
+    return spec.maximum
+
+
+def _flat(nested):
+    return np.concatenate([np.ravel(array) for array in tree.flatten(nested)]).astype(np.float32)
