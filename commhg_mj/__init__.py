@@ -19,9 +19,12 @@ from .policies import POLICIES, ensure_compiled
 from .radio import LINK_MODELS
 from .radio.evaluate import WorldLinks
 from .scenarios import LIMITATIONS, SCENARIOS, Scenario, load_scenario
+from .tasks.registration import register_missions
 from .terms import IDLE, KEEP, NOBODY, REST
 
 __version__ = "0.1.0"
+
+register_missions()
 
 __all__ = [
     "IDLE", "KEEP", "LIMITATIONS", "LINK_MODELS", "NOBODY", "POLICIES", "REST", "SCENARIOS", "Decisions", "MissionBatch",

@@ -148,7 +148,10 @@ class MissionBatch:
         Raises:
           ValueError: a decision is of the wrong shape or masked; nothing has changed then.
         """
-        decisions = self._check(decisions)
+        return self.step_legal(self._check(decisions), seconds)
+
+    def step_legal(self, decisions: Decisions, seconds: int = 0) -> Observations:
+        """`step` for who knows that the decisions are legal, and of the types that `Decisions` says."""
         before = self.state.missions["reward"].copy()
         apply_decisions(self.state.missions, self._masks, decisions)
         observations = self._advance(seconds)

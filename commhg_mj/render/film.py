@@ -113,6 +113,11 @@ class Film:
         self.hud.cover(self.canvas)
         return self.canvas.paste(picture)
 
+    def go_on(self, trace):
+        """Show a longer trace of the same mission from now on."""
+        self.timeline = Timeline(trace, self.timeline.lag)
+        self.hud.trace = self.hud.minimap.trace = self.overlay.trace = trace
+
     def forget_labels(self):
         """Labels may go to other places than in the picture before."""
         self.overlay.slots = {}
@@ -193,7 +198,12 @@ def _check(trace, drape, out, ending, camera, size):
     if len(drapes) != len(traces):
         raise ValueError(f"there must be as many drapes as traces, {len(traces)}, not {len(drapes)}")
     check_camera(camera, traces[0].scenario)
-    size = SIZES[len(traces)] if size is None else tuple(size)
-    if not all(isinstance(n, int) and SMALLEST <= n <= LARGEST and n % 2 == 0 for n in size):
+    return traces, drapes, check_size(SIZES[len(traces)] if size is None else size)
+
+
+def check_size(size) -> tuple:
+    """The size of a picture; ValueError unless it is two even numbers of pixels."""
+    size = tuple(size)
+    if len(size) != 2 or not all(isinstance(n, int) and SMALLEST <= n <= LARGEST and n % 2 == 0 for n in size):
         raise ValueError(f"size must be two even numbers in {SMALLEST}..{LARGEST}, is {'x'.join(map(str, size))}")
-    return traces, drapes, size
+    return size

@@ -39,24 +39,26 @@ class Choices:
         """A flat mask [..., n_numbers] as one view [..., size] a choice."""
         return tuple(mask[..., start : start + size] for start, size in zip(self.starts, self.sizes))
 
-    def check(self, actions, n_missions: int) -> np.ndarray:
-        """Actions as [n_missions, 3 R + H] i8.
+    def explain(self, actions, e: int, k: int) -> str:
+        """What is wrong with choice k of mission e."""
+        return f"action: {self.names[k]} must lie in 0..{self.sizes[k] - 1}, is {actions[e, k]}"
 
-        Raises:
-          ValueError: of another shape, no whole numbers, or a number that its choice does not have.
-        """
-        values = np.asarray(actions)
-        shape = (n_missions, len(self.sizes))
-        if values.shape != shape:
-            raise ValueError(f"action must have shape {shape if n_missions > 1 else shape[1:]}, has {np.shape(actions)}")
-        whole = values.astype(np.int64) if values.dtype.kind in "iuf" else None
-        if whole is None or not np.array_equal(whole, values):
-            raise ValueError(f"action must hold whole numbers, is of type {values.dtype}")
-        wrong = (whole < 0) | (whole >= self.sizes)
-        if wrong.any():
-            e, k = np.argwhere(wrong)[0]
-            raise ValueError(f"action: {self.names[k]} must lie in 0..{self.sizes[k] - 1}, is {whole[e, k]}")
-        return whole
+
+def whole_numbers(actions, shape) -> np.ndarray:
+    """Actions as an array of i8.
+
+    Raises:
+      ValueError: of another shape, or no whole numbers.
+    """
+    values = np.asarray(actions)
+    if values.shape != shape:
+        raise ValueError(f"action must have shape {shape}, has {values.shape}")
+    if values.dtype == np.int64:
+        return values
+    whole = values.astype(np.int64) if values.dtype.kind in "iuf" else None
+    if whole is None or not np.array_equal(whole, values):
+        raise ValueError(f"action must hold whole numbers, is of type {values.dtype}")
+    return whole
 
 
 @kernel
@@ -105,15 +107,20 @@ def open_choices(seen, mask, due, starts, n_robots):
 
 
 @kernel
-def read_actions(seen, actions, mask, starts, n_robots, decisions, replaced):
+def read_actions(seen, actions, mask, starts, sizes, n_robots, decisions, replaced):
     """Fill in the decisions that actions [E, choices] mean; what is masked is replaced by staying.
 
     Args:
       replaced: [E] is filled with the number of masked choices of each mission.
+
+    Returns:
+      (mission, choice) of the first number that does not exist, or (-1, 0).
     """
     for e in range(actions.shape[0]):
         replaced[e] = 0
         for k in range(actions.shape[1]):
+            if not 0 <= actions[e, k] < sizes[k]:
+                return e, k
             replaced[e] += mask[e, starts[k] + actions[e, k]] == 0
     for i in range(seen.robots.shape[0]):
         e, k = seen.robots[i].mission, PER_ROBOT * seen.robots[i].robot
@@ -132,3 +139,4 @@ def read_actions(seen, actions, mask, starts, n_robots, decisions, replaced):
         if not mask[e, starts[k] + choice]:
             choice = 0 if mask[e, starts[k]] else 1
         decisions.operator[i] = choice - 2 if choice >= 2 else (KEEP if choice == 0 else REST)
+    return -1, 0

@@ -5,15 +5,25 @@ from numbers import Integral
 
 import numpy as np
 
+from ..kernels import kernel
 from ..mission.batch import MissionBatch, check_seed
 from ..mission.decide import Decisions
 from ..policies import POLICIES, ensure_compiled
 from ..radio.rules import radio_rules
 from ..scenarios import Scenario, load_scenario
-from .choices import Choices, close_choices, open_choices, read_actions
+from .choices import Choices, close_choices, open_choices, read_actions, whole_numbers
 from .tables import fill_tables, new_tables
 
 LARGEST_SEED = 2**31
+
+
+@kernel
+def show(seen, tables, mask, due, starts):
+    """Bring tables and masks up to date with the observations of everybody who is due."""
+    n_robots = tables.robots.shape[1]
+    close_choices(mask, due, starts, n_robots)
+    open_choices(seen, mask, due, starts, n_robots)
+    fill_tables(seen, tables)
 
 
 class Team:
@@ -74,26 +84,25 @@ class Team:
         Raises:
           ValueError: an action that does not exist; nothing has changed then.
         """
-        batch, before = self.batch, self.time
+        batch, before, choices = self.batch, self.time, self.choices
         seen = batch.observations
-        actions = self.choices.check(actions, len(self.due))
+        actions = whole_numbers(actions, (len(self.due), len(choices.sizes)))
         n, k = len(seen.robots), len(seen.operators)
         decisions = Decisions(
             np.empty(n, np.int32), np.empty(n, bool), np.empty(n, np.int32), np.empty(n, bool), np.empty(k, np.int32)
         )
-        starts, n_robots = self.choices.starts, self.scenario.n_robots
-        read_actions(seen, actions, self.mask, starts, n_robots, decisions, self.replaced)
-        batch.step(decisions, self.period)
+        n_robots = self.scenario.n_robots
+        wrong = read_actions(seen, actions, self.mask, choices.starts, choices.sizes, n_robots, decisions, self.replaced)
+        if wrong[0] >= 0:
+            raise ValueError(choices.explain(actions, *wrong))
+        batch.step_legal(decisions, self.period)
         self.time = batch.time
         self.elapsed = np.maximum(self.time - before, 0.0)  # a new mission has not elapsed yet
         self.rewards = batch.rewards.sum(axis=1)
         self._show()
 
     def _show(self):
-        starts, n_robots = self.choices.starts, self.scenario.n_robots
-        close_choices(self.mask, self.due, starts, n_robots)
-        open_choices(self.batch.observations, self.mask, self.due, starts, n_robots)
-        fill_tables(self.batch.observations, self.tables)
+        show(self.batch.observations, self.tables, self.mask, self.due, self.choices.starts)
 
     @property
     def over(self) -> np.ndarray:

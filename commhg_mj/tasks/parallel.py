@@ -1,0 +1,148 @@
+"""Every actor as one PettingZoo agent."""
+
+import numpy as np
+from gymnasium import spaces
+from gymnasium.utils import seeding
+from pettingzoo import ParallelEnv
+
+from ..terms import Activity
+from .choices import PER_ROBOT
+from .gym import RENDER_FPS, check_render_mode, make_film
+from .spaces import table_space
+from .team import Team
+
+ROBOT_VIEW = {"self": "robots", "tasks": "robot_tasks", "peers": "robot_peers", "operators": "robot_operators"}
+OPERATOR_VIEW = {"self": "operators", "reports": "operator_reports"}  # name in the observation: the team's table
+
+
+class Role:
+    """What one actor sees and chooses of its team's tables and action.
+
+    Args:
+      actor: robots, then operators.
+    """
+
+    def __init__(self, team: Team, actor: int):
+        scenario, sizes, n_robots = team.scenario, team.choices.sizes, team.scenario.n_robots
+        is_robot = actor < n_robots
+        first = PER_ROBOT * min(actor, n_robots) + max(0, actor - n_robots)
+        self.choices = slice(first, first + (PER_ROBOT if is_robot else 1))
+        self.row, self.view = (actor, ROBOT_VIEW) if is_robot else (actor - n_robots, OPERATOR_VIEW)
+        own, starts = sizes[self.choices].tolist(), team.choices.starts[self.choices].tolist()
+        self.masks = tuple(slice(start, start + size) for start, size in zip(starts, own))
+        view = spaces.Dict({name: table_space(table, scenario, drop=1) for name, table in self.view.items()})
+        mask = spaces.Tuple(spaces.MultiBinary(size) for size in own) if is_robot else spaces.MultiBinary(own[0])
+        self.observation_space = spaces.Dict({"observation": view, "action_mask": mask})
+        self.action_space = spaces.MultiDiscrete(own) if is_robot else spaces.Discrete(own[0])
+
+    def observe(self, tables: dict, mask) -> dict:
+        """Views of the role's rows; a mask a choice, an operator's alone."""
+        masks = tuple([mask[own] for own in self.masks])
+        row = self.row
+        seen = {name: tables[table][row] for name, table in self.view.items()}
+        return {"observation": seen, "action_mask": masks if len(masks) > 1 else masks[0]}
+
+
+def parallel_env(scenario="medium", **kwargs) -> "MissionParallelEnv":
+    """A mission as a PettingZoo parallel environment; arguments as for `MissionParallelEnv`."""
+    return MissionParallelEnv(scenario, **kwargs)
+
+
+class MissionParallelEnv(ParallelEnv):
+    """Agents uav_0, …, ugv_0, …, human_0, …, who share the team's reward, stepped to the next decision epoch of anybody.
+
+    An agent that is not due keeps what it saw when it last was, and has only KEEP open. A robot that fails is terminated
+    and leaves `agents`. A masked choice counts as staying. Observations, actions and masks: docs/tasks.md.
+
+    Args:
+      scenario, render_mode, camera, size, options: as for `MissionEnv`.
+
+    Raises:
+      ValueError: an argument is impossible; the message names it.
+    """
+
+    metadata = {"name": "commhg_mj_v0", "render_modes": ["rgb_array"], "render_fps": RENDER_FPS, "is_parallelizable": True}
+
+    def __init__(self, scenario="medium", render_mode=None, camera="overview", size=(960, 540), **options):
+        check_render_mode(render_mode, self.metadata)
+        self.render_mode = render_mode
+        self.team = Team(scenario, record=render_mode is not None, **options)
+        self._film = make_film(self.team, camera, size)
+        scenario = self.team.scenario
+        robots = [f"{name[:3]}_{name[3:]}" for name in scenario.robot_names]
+        self.possible_agents = robots + [f"human_{h}" for h in range(scenario.n_operators)]
+        self.agents = []
+        self._roles = {agent: Role(self.team, i) for i, agent in enumerate(self.possible_agents)}
+        self.np_random = None
+
+    def observation_space(self, agent):
+        """{"observation": the role's tables, "action_mask": …}."""
+        return self._roles[agent].observation_space
+
+    def action_space(self, agent):
+        """Robots: MultiDiscrete (task, broadcast, message); humans: Discrete."""
+        return self._roles[agent].action_space
+
+    def reset(self, seed=None, options=None):
+        """A new mission: of that seed, or the next one that the last seed leads to. There are no options."""
+        if seed is not None or self.np_random is None:
+            self.np_random, _ = seeding.np_random(seed)
+        self.team.begin([self.team.draw_seed(self.np_random) if seed is None else seed])
+        self.agents = self.possible_agents[:]
+        observations = self._observe()
+        return observations, self._inform(observations)
+
+    def step(self, actions):
+        """Decide, and advance to the next decision epoch; agents without an action stay, those that are gone are ignored.
+
+        Raises:
+          ValueError: an action that does not exist, or of an unknown agent; nothing has changed then.
+        """
+        self.team.step(self._join(actions)[None])
+        observations = self._observe()
+        infos = self._inform(observations)
+        reward, over = float(self.team.rewards[0]), bool(self.team.over[0])
+        failed = self.team.batch.state.robots["activity"][0] == Activity.FAILED
+        gone = {agent for agent, has_failed in zip(self.possible_agents, failed) if has_failed or over}
+        terminations = {agent: over or agent in gone for agent in self.agents}
+        rewards, truncations = dict.fromkeys(self.agents, reward), dict.fromkeys(self.agents, False)
+        self.agents = [agent for agent in self.agents if not terminations[agent]]
+        return observations, rewards, terminations, truncations, infos
+
+    def render(self):
+        """The mission as it stands [height, width, 3] u1; None without a render mode."""
+        return self._film.picture(self.team.batch) if self._film else None
+
+    def close(self):
+        if self._film:
+            self._film.close()
+
+    def _join(self, actions):
+        """The team's action of the agents' ones."""
+        joint = np.zeros(len(self.team.choices.sizes))
+        present = set(self.agents)
+        for agent, action in actions.items():
+            if agent not in self._roles:
+                raise ValueError(f"unknown agent {agent!r}: use {', '.join(self.possible_agents)}")
+            if agent in present:
+                try:
+                    joint[self._roles[agent].choices] = action
+                except (TypeError, ValueError):
+                    raise ValueError(f"action of {agent} must fit {self.action_space(agent)}, is {action!r}") from None
+        return joint
+
+    def _observe(self):
+        """Views into one copy of the team's tables and masks."""
+        tables = {name: table[0].copy() for name, table in self.team.tables._asdict().items()}
+        mask = self.team.mask[0].copy()
+        return {agent: self._roles[agent].observe(tables, mask) for agent in self.agents}
+
+    def _inform(self, observations):
+        team = self.team
+        common = {"time": float(team.time[0]), "elapsed": float(team.elapsed[0])}
+        if team.over[0]:
+            common["twcr"] = team.batch.scores()[0].twcr
+        due = dict(zip(self.possible_agents, team.due[0].astype(bool).tolist()))
+        return {
+            agent: {"due": due[agent], "action_mask": seen["action_mask"], **common} for agent, seen in observations.items()
+        }
