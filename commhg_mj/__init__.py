@@ -16,7 +16,7 @@ from .mission.score import Score
 from .mission.trace import Trace, load_trace, make_traces, save_trace
 from .models.world import World, make_world
 from .policies import POLICIES, ensure_compiled
-from .radio import LINK_MODELS
+from .radio import LINK_MODELS, link_model
 from .radio.evaluate import WorldLinks
 from .scenarios import LIMITATIONS, SCENARIOS, Scenario, load_scenario
 from .tasks.registration import register_missions
@@ -28,8 +28,8 @@ register_missions()
 
 __all__ = [
     "IDLE", "KEEP", "LIMITATIONS", "LINK_MODELS", "NOBODY", "POLICIES", "REST", "SCENARIOS", "Decisions", "MissionBatch",
-    "Observations", "Scenario", "Score", "Trace", "World", "WorldLinks", "load_scenario", "load_trace", "make_traces",
-    "make_vec", "make_world", "save_trace", "stay",
+    "Observations", "Scenario", "Score", "Trace", "World", "WorldLinks", "link_model", "load_scenario", "load_trace",
+    "make_traces", "make_vec", "make_world", "save_trace", "stay",
 ]  # fmt: skip
 
 

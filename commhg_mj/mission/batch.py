@@ -7,7 +7,7 @@ import numpy as np
 
 from ..kernels import kernel
 from ..models.world import World, make_world
-from ..radio.rules import radio_rules
+from ..radio.rules import OWN_MODELS, radio_rules
 from ..scenarios import Scenario, load_scenario
 from ..terms import IDLE, KEEP, NOBODY, REST
 from .access import operator_of, robot_of
@@ -99,6 +99,7 @@ class MissionBatch:
     def __setstate__(self, attributes):
         """A copy or an unpickled batch has arrays of its own: its missions must find those."""
         self.__dict__.update(attributes)
+        self.state.missions["rules"]["radio"]["share_at"] = OWN_MODELS.get(self.links, 0)  # in this process
         self._grounds = [ground_of(world, self.links) for world in self.worlds]
         self._wire()
 

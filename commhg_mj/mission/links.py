@@ -1,7 +1,7 @@
 """The links of one mission, asked when a message is sent."""
 
 from ..kernels import kernel
-from ..radio.links import is_in_range, is_raycast, mast_antenna, passing_share, robot_antenna
+from ..radio.links import is_in_range, is_spatial, mast_antenna, passing_share, robot_antenna
 from .access import obstacles_of, robot_of
 
 
@@ -30,7 +30,7 @@ def link_to_station(m, r, kind):
     There is no range; as in the paper, planar models give these links no terrain either.
     """
     radio = m.rules.radio
-    if not is_raycast(radio):
+    if not is_spatial(radio):
         return 1.0
     robot, obstacles = radio_of(m, r), obstacles_of(m)
     start = robot_antenna(radio, obstacles, robot.embodiment, robot.x, robot.y)

@@ -183,6 +183,10 @@ def load_trace(path) -> Trace:
     if str(found.get("format")) != str(FORMAT):
         raise ValueError(f"{path} is a trace of format {found.get('format')}; this version reads format {FORMAT}")
     try:
+        find_link_model(str(found.get("links")))
+    except ValueError as error:  # no damage: another process may have registered it
+        raise ValueError(f"{path}: {error}") from None
+    try:
         return _assemble(found)
     except (KeyError, TypeError, AttributeError, RecursionError, ValueError) as error:
         raise ValueError(f"{path} is damaged: {error}") from None
@@ -195,7 +199,6 @@ def _assemble(found) -> Trace:
         if name not in found or found[name].dtype != dtype or found[name].shape != shape:
             raise ValueError(f"{name} is missing or does not fit")
     links, limitation = str(found["links"]), str(found["limitation"])
-    find_link_model(links)
     if limitation not in LIMITATIONS:
         raise ValueError(f"unknown limitation {limitation!r}")
     return Trace(

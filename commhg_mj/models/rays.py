@@ -36,8 +36,8 @@ class RayArrays(NamedTuple):
 NO_RAYS = RayArrays(np.zeros(0, CANOPY), np.zeros(0, MOUNTAIN), np.zeros(1, CALLS))
 
 
-def _call(context, builder, signature, arguments):
-    """Call the C function at the address that comes first, with the other arguments."""
+def call_address(context, builder, signature, arguments):
+    """Call the C function of a float64 at the address that comes first, with the other arguments."""
     address, *arguments = arguments
     prototype = ir.FunctionType(ir.DoubleType(), [argument.type for argument in arguments])
     return builder.call(builder.inttoptr(address, prototype.as_pointer()), arguments)
@@ -49,13 +49,13 @@ WORD, INT = types.int64, types.int32  # a pointer travels like any word
 @intrinsic
 def ray_geom(typing_context, function, pos, mat, size, point, direction, kind, normal):
     """mju_rayGeom: distance from `point` along the unit vector `direction` to a geom's surface, -1: none."""
-    return types.float64(WORD, WORD, WORD, WORD, WORD, WORD, INT, WORD), _call
+    return types.float64(WORD, WORD, WORD, WORD, WORD, WORD, INT, WORD), call_address
 
 
 @intrinsic
 def ray_mesh(typing_context, function, model, data, geom, point, direction, normal):
     """mj_rayMesh: the same for a mesh geom of a model."""
-    return types.float64(WORD, WORD, WORD, INT, WORD, WORD, WORD), _call
+    return types.float64(WORD, WORD, WORD, INT, WORD, WORD, WORD), call_address
 
 
 @kernel

@@ -4,7 +4,7 @@ import numpy as np
 
 from ..kernels import kernel
 from ..models.world import World
-from .links import fates, is_in_range, is_raycast, measure
+from .links import fates, is_in_range, is_spatial, measure
 from .obstacles import make_obstacles
 from .rules import LINK, radio_rules
 
@@ -20,8 +20,13 @@ class WorldLinks:
 
     def __init__(self, world: World, links="raycast", limitation="nominal"):
         self.world = world  # keeps the ray model alive
+        self.links, self.limitation = links, limitation
         self.rules = radio_rules(world.scenario, links, limitation)
         self.obstacles = make_obstacles(world, links)
+
+    def __reduce__(self):
+        """Copies and other processes look up addresses of their own."""
+        return type(self), (self.world, self.links, self.limitation)
 
     def between(self, a, b, size) -> np.ndarray:
         """Robot-robot links from antennas a to b (one may be [1, 3]) for messages of `size` [B]."""
@@ -62,6 +67,6 @@ def measure_links(radio, obstacles, a, b, size, is_robot_link, links):
         measure(radio, obstacles, start, end, size, link)
         if is_robot_link and not is_in_range(radio, b[i, 0] - a[i, 0], b[i, 1] - a[i, 1]):
             link.passing = 0.0
-        elif not is_robot_link and not is_raycast(radio):
+        elif not is_robot_link and not is_spatial(radio):
             link.passing = 1.0
         link.on_time, link.late = fates(radio, link.passing)

@@ -8,11 +8,12 @@ from ..kernels import kernel
 from ..models.routes import distance
 from ..models.terrain import ground_at
 from .abstract import measure_planar
+from .custom import ask
 from .raycast import measure_rays
 from .rules import LinkModel
 
-PERFECT, RAYCAST, RAYCAST_SHUFFLED = (
-    int(LinkModel.PERFECT), int(LinkModel.RAYCAST), int(LinkModel.RAYCAST_SHUFFLED),
+PERFECT, RAYCAST, RAYCAST_SHUFFLED, CUSTOM = (
+    int(LinkModel.PERFECT), int(LinkModel.RAYCAST), int(LinkModel.RAYCAST_SHUFFLED), int(LinkModel.CUSTOM),
 )  # fmt: skip
 
 
@@ -20,6 +21,12 @@ PERFECT, RAYCAST, RAYCAST_SHUFFLED = (
 def is_raycast(radio):
     """Whether the 3D world decides."""
     return radio.link_model == RAYCAST or radio.link_model == RAYCAST_SHUFFLED
+
+
+@kernel
+def is_spatial(radio):
+    """Whether rays are cast through the 3D world, for links to the station, too."""
+    return is_raycast(radio) or radio.link_model == CUSTOM
 
 
 @kernel
@@ -43,8 +50,10 @@ def is_in_range(radio, dx, dy):
 @kernel
 def measure(radio, obstacles, a, b, size, link):
     """Fill in a LINK with what its model sees of the world between two antennas, whatever the range."""
-    if is_raycast(radio):
+    if is_spatial(radio):
         measure_rays(radio, obstacles, a, b, size, link)
+        if radio.link_model == CUSTOM:
+            ask(radio, obstacles, a, b, size, link)
     elif radio.link_model == PERFECT:
         link.passing = 1.0
     else:
@@ -69,8 +78,8 @@ def passing_share(radio, obstacles, a, b, size):
 def fates(radio, passing):
     """(share in time, share late) of messages on a link that lets `passing` of the packets pass.
 
-    Over clear ground a share `on_time` arrives in time, and half of the rest late. A planar model scales both; a
-    ray-cast link tries once more, and that attempt too has to pass.
+    Over clear ground a share `on_time` arrives in time, and half of the rest late. A planar model or
+    a user's own scales both; a ray-cast link tries once more, and that attempt too has to pass.
     """
     if is_raycast(radio):
         on_time = radio.on_time * passing

@@ -16,9 +16,11 @@ class LinkModel(IntEnum):
     RAYCAST = 2  # through MuJoCo's world
     RAYCAST_SHUFFLED = 3  # control: every robot has another robot's ray-cast links
     PERFECT = 4  # free communication, for the omniscient reference
+    CUSTOM = 5  # a user's own function, under a name of its own
 
 
-LINK_MODELS = {model.name.lower().replace("_", "-"): model for model in LinkModel}
+LINK_MODELS = {model.name.lower().replace("_", "-"): model for model in LinkModel if model != LinkModel.CUSTOM}  # built in
+OWN_MODELS = {}  # name: address of the function, of models that were registered in this process (radio/custom.py)
 RAY_MODELS = (LinkModel.RAYCAST, LinkModel.RAYCAST_SHUFFLED)
 
 RADIO = record(
@@ -39,6 +41,7 @@ RADIO = record(
     shadowing_length="f8",  # m
     antenna=("f8", (2,)),  # m above the ground below a (UAV, UGV)
     mast="f8",  # m above the ground
+    share_at="i8",  # address of a user's own function, of use in its process alone; 0: a built-in model
 )
 LINK = record(  # one link as its model sees it; nan where the model knows no such thing, or of radios in one place
     metres="f8",  # way between the antennas, in three dimensions or in plan
@@ -62,14 +65,16 @@ EDGE_DELIVERY = 0.95  # edge: a clear link at the range, by SNR alone
 
 
 def find_link_model(name: str) -> LinkModel:
-    """The link model of that name.
+    """The link model of that name, built in or registered.
 
     Raises:
       ValueError: there is none.
     """
-    if not isinstance(name, str) or name not in LINK_MODELS:
-        raise ValueError(f"unknown link model {name!r}: use {', '.join(LINK_MODELS)}")
-    return LINK_MODELS[name]
+    models = LINK_MODELS | dict.fromkeys(OWN_MODELS, LinkModel.CUSTOM)
+    if not isinstance(name, str) or name not in models:
+        names = ", ".join(models)
+        raise ValueError(f"unknown link model {name!r}: use {names}, or register it in this process (commhg_mj.link_model)")
+    return models[name]
 
 
 def radio_rules(scenario: Scenario, links: str, limitation: str) -> np.void:
@@ -85,7 +90,7 @@ def radio_rules(scenario: Scenario, links: str, limitation: str) -> np.void:
     decays = radio.fitted_forest_decay, radio.fitted_mountain_decay
     if model != LinkModel.ABSTRACT_FIT:
         decays = transport.forest_decay, transport.mountain_decay
-    is_capped = model != LinkModel.PERFECT and (model not in RAY_MODELS or radio.profile == "matched")
+    is_capped = radio.profile == "matched" if model in RAY_MODELS else model not in (LinkModel.PERFECT, LinkModel.CUSTOM)
     rules = np.zeros(1, RADIO)[0]
     rules["link_model"] = model
     rules["on_time"] = 1.0 if model == LinkModel.PERFECT else 1.0 - transport.unavailable_or_delayed[level]
@@ -100,6 +105,7 @@ def radio_rules(scenario: Scenario, links: str, limitation: str) -> np.void:
         rules[name] = getattr(radio, name)
     rules["antenna"] = scenario.world.uav_height + radio.uav_antenna, radio.ugv_antenna
     rules["mast"] = scenario.world.mast_height
+    rules["share_at"] = OWN_MODELS.get(links, 0)
     return rules
 
 
