@@ -1,6 +1,7 @@
 """A scenario's radio numbers under one link model and one limitation level, as kernels read them."""
 
 from enum import IntEnum
+from functools import cache
 
 import numpy as np
 from scipy.optimize import brentq
@@ -127,6 +128,7 @@ def system_loss(scenario: Scenario, limitation: str) -> float:
     return float(received - budget.noise_power(radio.bandwidth, radio.noise_figure) - snr)
 
 
+@cache
 def snr_of_delivery(share: float) -> float:
     """The SNR [dB] at which that share of the reference packets is received."""
     return brentq(lambda snr: 1.0 - budget.packet_error(snr, REFERENCE_SIZE) - share, -20.0, 40.0)

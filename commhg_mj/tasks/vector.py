@@ -72,7 +72,7 @@ class MissionVectorEnv(gymnasium.vector.VectorEnv):
     def _inform(self):
         """Gymnasium's form: an array a name, and beside it `_name`, where it means something."""
         info = {name: values.copy() for name, values in inform_teams(self.team).items()}
-        info["action_mask"] = self.team.choices.split(self.team.mask.copy())
+        info["action_mask"] = self.team.choices.split(self.team.mask.copy() if self.copy else self.team.mask)
         known = {f"_{name}": np.ones(self.num_envs, bool) for name in info}
         over = self.team.over
         if over.any():
