@@ -25,8 +25,9 @@ def blocks(language):
     return re.findall(rf"^```{language}\n(.*?)^```$", README, re.M | re.S)
 
 
-def test_the_python_block_runs(capsys):
-    (code,) = blocks("python")
+def test_the_python_blocks_run(capsys):
+    interfaces, code = blocks("python")
+    exec(interfaces, {})
     assert '"large"' in code and "num_missions=64" in code
     exec(code.replace('"large"', '"small"').replace("num_missions=64", "num_missions=2"), {})
     assert 0 <= float(capsys.readouterr().out) <= 1

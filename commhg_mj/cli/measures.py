@@ -1,6 +1,7 @@
 """Commands that measure this machine and the mission's defaults."""
 
 from dataclasses import dataclass
+from itertools import chain
 from typing import Literal
 
 from rich.table import Table
@@ -20,11 +21,13 @@ class Bench:
 
     def __call__(self):
         from ..study.bench import all_speeds
+        from ..study.interfaces import interface_rates
 
         table = Table("what", "rate", "unit")
         names = list(SCENARIOS) if self.scenario == "all" else [self.scenario]
         with LOG.status("measuring"):
-            for speed in all_speeds(names, self.start):
+            interfaces = (speed for name in names for speed in interface_rates(SCENARIOS[name]))
+            for speed in chain(all_speeds(names, self.start), interfaces):
                 table.add_row(speed.what, f"{speed.rate:,.2f}" if speed.rate < 100 else f"{speed.rate:,.0f}", speed.unit)
         OUT.print(table)
 

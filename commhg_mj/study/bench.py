@@ -141,9 +141,7 @@ def start_times() -> list[Speed]:
 
 
 def all_speeds(scenarios, with_start: bool):
-    """Yield every speed that `commhg-mj bench` prints."""
-    from .interfaces import interface_rates  # which counts with this file
-
+    """Yield every speed of kernel, links and worlds; study/interfaces.py has those of the interfaces."""
     for name in scenarios:
         yield from missions_rates(SCENARIOS[name])
         yield epochs_rate(SCENARIOS[name])

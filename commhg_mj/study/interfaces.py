@@ -56,7 +56,9 @@ def _vector_rates(scenario, n_missions, steps, repeats):
     rates = _best_rates(works, n_missions * steps, repeats)
     what = f"{scenario.name}: {n_missions} missions, "
     speeds = [Speed(what + name, rate, "steps/CPU-s") for name, rate in rates.items()]
-    return speeds + [Speed(f"{what}{name} over kernel", rate / rates["kernel"], "ratio") for name, rate in list(rates.items())[1:]]
+    return speeds + [
+        Speed(f"{what}{name} over kernel", rate / rates["kernel"], "ratio") for name, rate in list(rates.items())[1:]
+    ]
 
 
 def _step_spread(n, steps) -> float:

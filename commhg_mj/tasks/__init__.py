@@ -10,7 +10,7 @@ import importlib
 # Each interface is loaded when it is first asked for: nobody needs all of their libraries.
 HOMES = {
     "ALL_TASKS": "suite", "BENCHMARKING": "suite", "EASY": "suite", "HARD": "suite", "load": "suite",
-    "MissionEnv": "gym", "MissionVectorEnv": "vector", "parallel_env": "parallel", "Team": "team",
+    "COLUMNS": "columns", "MissionEnv": "gym", "MissionVectorEnv": "vector", "parallel_env": "parallel", "Team": "team",
 }  # fmt: skip
 __all__ = list(HOMES)
 

@@ -65,11 +65,14 @@ def _limits(scenario) -> dict:
         "legal", "released", "refused", "query_waits", "request_waits", "prescribed", "exempt",
         "can_keep", "can_idle", "can_broadcast", "can_assist",
     )  # fmt: skip
-    choices = {"embodiment": Embodiment, "activity": Activity, "mode": Mode, "session": Session, "type": TaskType, "status": Status}
+    kinds = {"embodiment": Embodiment, "activity": Activity, "mode": Mode, "session": Session} | {
+        "type": TaskType,
+        "status": Status,
+    }
     ages = ("age", "claim_age", "request_age", "since_request", "since_bid")
     return (
         {name: FLAG for name in flags}
-        | {name: (0.0, float(max(choice))) for name, choice in choices.items()}
+        | {name: (0.0, float(max(kind))) for name, kind in kinds.items()}
         | {name: (UNKNOWN, time) for name in ages}
         | {
             "time": (0.0, time),
@@ -105,6 +108,6 @@ def _overrides(table, scenario) -> dict:
     if table == "robot_tasks":
         return {"distance": (0.0, WINDING * math.sqrt(2.0) * scenario.map_side)}
     if table == "operators":
-        # Whether its last renewal arrived, the operator cannot know: it may count on after the lease has ended.
+        # The operator counts from when it last renewed; a renewal that arrives late extends the lease beyond.
         return {"lease_left": (-float(scenario.time_limit), scenario.operators.lease)}
     return {}

@@ -143,6 +143,4 @@ class MissionParallelEnv(ParallelEnv):
         if team.over[0]:
             common["twcr"] = team.batch.scores()[0].twcr
         due = dict(zip(self.possible_agents, team.due[0].astype(bool).tolist()))
-        return {
-            agent: {"due": due[agent], "action_mask": seen["action_mask"], **common} for agent, seen in observations.items()
-        }
+        return {agent: {"due": due[agent], "action_mask": seen["action_mask"], **common} for agent, seen in observations.items()}

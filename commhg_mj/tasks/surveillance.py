@@ -165,7 +165,9 @@ class MissionEnvironment(control.Environment):
         spec = super().observation_spec()
         if not self._is_flat:
             return spec
-        low, high = (_flat(tree.map_structure(lambda s, end=end: np.broadcast_to(end(s), s.shape), spec)) for end in (_low, _high))
+        low, high = (
+            _flat(tree.map_structure(lambda s, end=end: np.broadcast_to(end(s), s.shape), spec)) for end in (_low, _high)
+        )
         return {control.FLAT_OBSERVATION_KEY: _bounded(control.FLAT_OBSERVATION_KEY, low.shape, np.float32, low, high)}
 
 

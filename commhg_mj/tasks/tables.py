@@ -44,9 +44,7 @@ def _writer(table):
     return write
 
 
-write_robot, write_task, write_peer, write_resource, write_operator, write_report = (
-    _writer(table) for table in Tables._fields
-)
+write_robot, write_task, write_peer, write_resource, write_operator, write_report = (_writer(table) for table in Tables._fields)
 
 
 @kernel
