@@ -11,8 +11,8 @@ from commhg_mj.tasks.gym import MissionEnv
 
 PAGE = (Path(__file__).parent.parent / "docs/tasks.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"^```python\n(.*?)^```$", PAGE, re.M | re.S)
-SAID = [r"", r"TWCR of random choices: 0\.\d{3}\n", r"TWCR of random choices: 0\.\d{3}\n", r"(?s)\[\[.*\]\]\n(True|False) [\d.]+ [\d.]+\n"]
-SAID += [r"TWCR of the nearest task: 0\.\d{3}\n"]
+SAID = [r"", r"TWCR of random choices: 0\.\d{3}\n", r"TWCR of random choices: 0\.\d{3}\n"]
+SAID += [r"(?s)\[\[.*\]\]\n(True|False) [\d.]+ [\d.]+\n", r"TWCR of the nearest task: 0\.\d{3}\n"]
 
 
 @pytest.mark.parametrize("code, said", list(zip(BLOCKS, SAID, strict=True)), ids=range(len(SAID)))

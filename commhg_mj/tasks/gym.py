@@ -22,6 +22,7 @@ class MissionEnv(gymnasium.Env):
       scenario: name, TOML file or `Scenario`.
       render_mode: None, or "rgb_array".
       camera, size: of rendered pictures: overview, station, map, orbit or follow:ROBOT; (width, height) in pixels.
+      record: keep what `commhg_mj.make_traces(env.unwrapped.team.batch, name)` needs; rendering does.
       options: of `commhg_mj.tasks.Team`: links, limitation, period, seeds.
 
     Raises:
@@ -30,11 +31,11 @@ class MissionEnv(gymnasium.Env):
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": RENDER_FPS}
 
-    def __init__(self, scenario="medium", render_mode=None, camera="overview", size=(960, 540), **options):
+    def __init__(self, scenario="medium", render_mode=None, camera="overview", size=(960, 540), record=False, **options):
         check_render_mode(render_mode, self.metadata)
         self.render_mode = render_mode
-        self.team = Team(scenario, record=render_mode is not None, **options)
-        self._film = make_film(self.team, camera, size)
+        self.team = Team(scenario, record=record or render_mode is not None, **options)
+        self._film = make_film(self.team, render_mode, camera, size)
         self.observation_space = team_space(self.team.scenario, self.team.choices)
         self.action_space = spaces.MultiDiscrete(self.team.choices.sizes)
 
@@ -91,9 +92,9 @@ def inform_teams(team: Team) -> dict:
     }
 
 
-def make_film(team: Team, camera, size):
-    """What takes pictures of a recording team; None where nothing is recorded, and MuJoCo is not loaded either."""
-    if not team.record:
+def make_film(team: Team, render_mode, camera, size):
+    """What takes pictures of a recording team; without a render mode None, and MuJoCo is not loaded either."""
+    if render_mode is None:
         return None
     from ..render.live import LiveFilm
 

@@ -55,7 +55,7 @@ class MissionParallelEnv(ParallelEnv):
     and leaves `agents`. A masked choice counts as staying. Observations, actions and masks: docs/tasks.md.
 
     Args:
-      scenario, render_mode, camera, size, options: as for `MissionEnv`.
+      scenario, render_mode, camera, size, record, options: as for `MissionEnv`.
 
     Raises:
       ValueError: an argument is impossible; the message names it.
@@ -63,11 +63,11 @@ class MissionParallelEnv(ParallelEnv):
 
     metadata = {"name": "commhg_mj_v0", "render_modes": ["rgb_array"], "render_fps": RENDER_FPS, "is_parallelizable": True}
 
-    def __init__(self, scenario="medium", render_mode=None, camera="overview", size=(960, 540), **options):
+    def __init__(self, scenario="medium", render_mode=None, camera="overview", size=(960, 540), record=False, **options):
         check_render_mode(render_mode, self.metadata)
         self.render_mode = render_mode
-        self.team = Team(scenario, record=render_mode is not None, **options)
-        self._film = make_film(self.team, camera, size)
+        self.team = Team(scenario, record=record or render_mode is not None, **options)
+        self._film = make_film(self.team, render_mode, camera, size)
         scenario = self.team.scenario
         robots = [f"{name[:3]}_{name[3:]}" for name in scenario.robot_names]
         self.possible_agents = robots + [f"human_{h}" for h in range(scenario.n_operators)]

@@ -14,7 +14,7 @@ from .physics import Physics
 from .team import Team
 
 SUITE = containers.TaggedTasks()
-TAGS = {"small": ("benchmarking", "easy"), "medium": ("benchmarking",), "large": ("benchmarking", "hard")}
+TAGS = {"small": ("easy",), "medium": (), "large": ("hard",)}
 
 
 def make(scenario, random=None, pictures=True, environment_kwargs=None, **options):
@@ -37,7 +37,7 @@ def _add(scenario):
         return make(scenario, **task_kwargs)
 
     load.__name__, load.__doc__ = scenario, f"Returns the surveillance task of the {scenario} scenario; options as `make`."
-    SUITE.add(*TAGS[scenario])(load)
+    SUITE.add("benchmarking", "no_reward_visualization", *TAGS[scenario])(load)
 
 
 for _scenario in SCENARIOS:
