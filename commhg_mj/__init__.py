@@ -18,7 +18,7 @@ from .models.world import World, make_world
 from .policies import POLICIES, ensure_compiled
 from .radio import LINK_MODELS, link_model
 from .radio.evaluate import WorldLinks
-from .scenarios import LIMITATIONS, SCENARIOS, Scenario, load_scenario
+from .scenarios import LIMITATIONS, SCENARIOS, Scenario, load_scenario, with_heightmap
 from .tasks.registration import register_missions
 from .terms import IDLE, KEEP, NOBODY, REST
 
@@ -29,7 +29,7 @@ register_missions()
 __all__ = [
     "IDLE", "KEEP", "LIMITATIONS", "LINK_MODELS", "NOBODY", "POLICIES", "REST", "SCENARIOS", "Decisions", "MissionBatch",
     "Observations", "Scenario", "Score", "Trace", "World", "WorldLinks", "link_model", "load_scenario", "load_trace",
-    "make_traces", "make_vec", "make_world", "save_trace", "stay",
+    "make_traces", "make_vec", "make_world", "save_trace", "stay", "with_heightmap",
 ]  # fmt: skip
 
 

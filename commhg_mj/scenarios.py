@@ -9,8 +9,11 @@ import json
 import math
 import re
 import tomllib
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
+
+from .heightmap import brightness, read_heightmap
 
 LIMITATIONS = ("nominal", "low", "high")
 PROFILES = ("matched", "edge", "radio")  # calibrations of the ray-cast link
@@ -28,11 +31,12 @@ class WorldRules:
     """Ground, obstacles and points of interest (POIs)."""
 
     forest_share: float = _field(0.10, "of the area", "D", "forest footprints", 0, 0.4)
-    mountain_share: float = _field(0.05, "of the area", "D", "mountain footprints", 0, 0.3)
+    mountain_share: float = _field(0.05, "of the area", "D", "mountain footprints; without a heightmap", 0, 0.3)
     n_forests: int = _field(7, "count", "D", "forests; each is a union of up to four discs", 0, 64)
-    n_mountains: int = _field(3, "count", "D", "mountains; each an ellipse", 0, 32)
+    n_mountains: int = _field(3, "count", "D", "mountains, each an ellipse; without a heightmap", 0, 32)
     canopy_height: tuple = _field((12.0, 20.0), "m", "D", "lowest and highest canopy top", 3, 60)
-    mountain_height: tuple = _field((60.0, 150.0), "m", "D", "lowest and highest summit", 5, 1000)
+    mountain_height: tuple = _field((60.0, 150.0), "m", "D", "lowest and highest summit; a heightmap's white", 5, 1000)
+    heightmap: str = _field("", "", "D", "the mountains' picture: a TOML file names a PNG (docs/worlds.md); empty: drawn ones")
     poi_spacing: float = _field(0.02, "of the side", "D", "no two POIs closer", 0, 0.1)
     uav_height: float = _field(60.0, "m", "D", "flight height above the ground below", 1, 500)
     ugv_radius: float = _field(2.0, "m", "D", "footprints are inflated by it for routes", 0.1, 20)
@@ -240,6 +244,12 @@ def _check(rules, prefix):
 def _check_value(name, value, field):
     default = field.default
     choices = field.metadata["choices"]
+    if name == "world.heightmap":
+        if not isinstance(value, str):
+            raise ValueError(f"{name} must be the content of a picture, is {value!r}")
+        if value:
+            brightness(value)
+        return
     if choices:
         if value not in choices:
             raise ValueError(f"{name} must be one of {', '.join(choices)}, is {value!r}")
@@ -297,9 +307,37 @@ def load_scenario(name) -> Scenario:
     except (OSError, ValueError, RecursionError) as error:
         raise ValueError(f"scenario file {name}: {error}") from None
     try:
-        return from_dict(table)
+        return from_dict(_with_pictures(table, Path(name).parent))
     except ValueError as error:
         raise ValueError(f"scenario file {name}: {error}") from None
+
+
+def _with_pictures(table, folder):
+    """The table of a file in `folder` with the content of the heightmap that it names."""
+    world = table.get("world")
+    if not isinstance(world, dict) or world.get("heightmap", "") == "":
+        return table
+    name = world["heightmap"]
+    if not isinstance(name, str):
+        raise ValueError(f"world.heightmap must be the name of a PNG file, is {name!r}")
+    return table | {"world": world | {"heightmap": read_heightmap(folder / name)}}
+
+
+def with_heightmap(scenario, path, height: float | None = None) -> Scenario:
+    """A scenario whose mountains are those of a picture (docs/worlds.md).
+
+    Args:
+      scenario: as for `load_scenario`.
+      path: a square PNG; black is the plain, white the highest ground, the upper edge the north.
+      height: of white [m]; by default the upper end of the scenario's world.mountain_height.
+
+    Raises:
+      ValueError: not such a picture, or an impossible height; the message names the field.
+    """
+    scenario = load_scenario(scenario)
+    heights = scenario.world.mountain_height if height is None else (height, height)
+    world = dataclasses.replace(scenario.world, heightmap=read_heightmap(path), mountain_height=heights)
+    return dataclasses.replace(scenario, world=world)
 
 
 def with_profile(scenario: Scenario, profile: str | None) -> Scenario:
@@ -346,7 +384,7 @@ def from_json(text: str) -> Scenario:
 
 
 def describe(scenario: Scenario):
-    """Yield (field, value, unit, mark, doc) for every field."""
+    """Yield (field, value, unit, mark, doc) for every field; a picture's value is its checksum."""
 
     def walk(rules, prefix):
         for field in dataclasses.fields(rules):
@@ -355,6 +393,8 @@ def describe(scenario: Scenario):
                 yield from walk(value, f"{prefix}{field.name}.")
             else:
                 m = field.metadata
+                if field.name == "heightmap" and value:
+                    value = f"picture-{zlib.crc32(value.encode()):08x}"
                 yield f"{prefix}{field.name}", value, m["unit"], m["mark"], m["doc"]
 
     return walk(scenario, "")

@@ -65,6 +65,20 @@ def test_every_field_of_a_link_is_explained():
     assert [name for row in re.findall(r"^\| (`.*?) \|", text, re.M) for name in re.findall(r"`(\w+)`", row)] == [*LINK.names]
 
 
+def test_the_blocks_of_the_worlds_page_make_one_world(tmp_path, monkeypatch, capsys):
+    text = (ROOT / "docs/worlds.md").read_text(encoding="utf-8")
+    (code,), (table,) = (re.findall(rf"^```{kind}\n(.*?)^```$", text, re.M | re.S) for kind in ("python", "toml"))
+    monkeypatch.chdir(tmp_path)
+    made = {}
+    exec(code, made)
+    assert re.fullmatch(r"27 ellipses, 92 m on the hill\n", capsys.readouterr().out)
+    (tmp_path / "valley.toml").write_text(table)
+    scenario = load_scenario("valley.toml")
+    for one in (scenario.world, made["scenario"].world):
+        assert (one.heightmap, one.mountain_height[1]) == (scenario.world.heightmap, 170)
+    assert made["missions"].worlds[0].layout.surfaces.max() > 150
+
+
 def test_a_policy_of_ones_own_takes_less_than_20_lines():
     (code,) = blocks("python")
     policy = re.search(r"^def .*?(?=^\S)", code.split("def ", 1)[1].join(["def ", ""]), re.M | re.S)

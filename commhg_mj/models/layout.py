@@ -5,20 +5,26 @@ Coordinates: metres; the map is [0, side]², x east, y north, z up, the plain at
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
+import cv2
 import numpy as np
 
+from ..heightmap import PLAIN
 from ..scenarios import Scenario
 from ..terms import Footprint
+from .relief import cover, height_share
 from .terrain import SURFACE_NODES
 
 # A footprint part is an ellipse: semi-axes a and b, `angle` from east to the axis of a. Forest parts are
-# discs (a = b), so that a MuJoCo cylinder is the same set; the parts of one forest share their `group`.
+# discs (a = b), so that a MuJoCo cylinder is the same set; the parts of one forest share their `group`, and so do all
+# mountains of a heightmap, which is one relief.
 PART = np.dtype(
     [("kind", "i4"), ("group", "i4"), ("x", "f8"), ("y", "f8"), ("a", "f8"), ("b", "f8"), ("angle", "f8"), ("height", "f8")]
 )
 MARGIN = 0.03  # of the side: obstacles' centres keep off the border
 STATION_CLEARING = 0.09  # of the side: free of obstacles around the station, so that all robots fit in
+ROOM_CELLS = 128  # a side: the grid on which a heightmap's free ground is looked at
 
 
 @dataclass(frozen=True)
@@ -27,7 +33,7 @@ class Layout:
 
     side: float
     parts: np.ndarray  # [n] of PART; mountains first, in the order of `surfaces`
-    surfaces: np.ndarray  # [mountains, SURFACE_NODES (y), SURFACE_NODES (x)] m, 0 outside the footprint
+    surfaces: np.ndarray  # [mountains, SURFACE_NODES (y), SURFACE_NODES (x)] m, 0 outside all footprints
     station: np.ndarray  # [2]
     operators: np.ndarray  # [operators, 2] where they sit
     starts: np.ndarray  # [robots, 2] where robots begin, UAVs first
@@ -47,8 +53,9 @@ class Layout:
         for part, surface in zip(self.mountains, self.surfaces):
             half = surface_half_width(part)
             grid = (xy - [part["x"], part["y"]] + half) / (2 * half) * (SURFACE_NODES - 1)
-            height = np.maximum(height, _triangles(surface, grid))
-        return height
+            near = np.all((grid >= 0) & (grid <= SURFACE_NODES - 1), axis=-1)
+            height[near] = np.maximum(height[near], _triangles(surface, grid[near]))
+        return height[()]  # of one point a number
 
 
 def surface_half_width(part) -> float:
@@ -57,16 +64,14 @@ def surface_half_width(part) -> float:
 
 
 def _triangles(surface, grid):
-    """Piecewise linear surface at grid [..., 2]; each cell is split from its (0, 0) to its (1, 1) corner."""
-    last = SURFACE_NODES - 1
-    inside = np.all((grid >= 0) & (grid <= last), axis=-1)
-    cell = np.clip(grid.astype(int), 0, last - 1)
-    u, v = np.moveaxis(np.clip(grid - cell, 0, 1), -1, 0)
+    """Piecewise linear surface at grid [n, 2] on it; each cell is split from its (0, 0) to its (1, 1) corner."""
+    cell = np.minimum(grid.astype(int), SURFACE_NODES - 2)
+    u, v = np.moveaxis(grid - cell, -1, 0)
     i, j = cell[..., 0], cell[..., 1]
     z00, z10, z01, z11 = surface[j, i], surface[j, i + 1], surface[j + 1, i], surface[j + 1, i + 1]
     lower = z00 + u * (z10 - z00) + v * (z11 - z10)
     upper = z00 + u * (z11 - z01) + v * (z01 - z00)
-    return np.where(inside, np.where(u >= v, lower, upper), 0.0)
+    return np.where(u >= v, lower, upper)
 
 
 def unit_frame(parts, inflation=0.0) -> np.ndarray:
@@ -85,18 +90,27 @@ def inside_any(frames, xy) -> np.ndarray:
 
 
 def draw_layout(scenario: Scenario, rng: np.random.Generator) -> Layout:
-    """Draw obstacles for one world; the clearing around the station stays free."""
-    side = scenario.map_side
+    """Draw obstacles for one world; the clearing around the station stays free.
+
+    Raises:
+      ValueError: the heightmap leaves no room for the station (names the field).
+    """
+    rules, side = scenario.world, scenario.map_side
     station = np.round([0.5 * side + rng.uniform(-0.08, 0.08) * side, 0.06 * side], 2)
-    mountains = _draw_mountains(scenario, station, rng)
+    if rules.heightmap:
+        relief = rules.heightmap, side, rules.mountain_height[1]
+        mountains, surfaces = _heightmap_mountains(*relief)
+        places = _station_places(*relief, rules.ugv_radius)  # the usual place, where it is one of them
+        station = np.round(places[np.linalg.norm(places - station, axis=1).argmin()], 2)
+    else:
+        mountains = _draw_mountains(scenario, station, rng)
     forests = _draw_forests(scenario, station, mountains, rng)
     starts = station + _row(scenario.n_robots, min(0.01, 0.16 / scenario.n_robots) * side, 0.015 * side)
     # On a crowded map a part may still reach the station or the starting places: it is left out.
-    mountains, forests = (
-        parts[[not inside_any(unit_frame(part[None], scenario.world.ugv_radius), [station, *starts]).any() for part in parts]]
-        for parts in (mountains, forests)
-    )
-    surfaces = [_draw_surface(part, rng) for part in mountains]
+    forests = _off(forests, rules.ugv_radius, [station, *starts])
+    if not rules.heightmap:
+        mountains = _off(mountains, rules.ugv_radius, [station, *starts])
+        surfaces = [_draw_surface(part, rng) for part in mountains]
     return Layout(
         side=side,
         parts=np.concatenate([mountains, forests]),
@@ -105,6 +119,11 @@ def draw_layout(scenario: Scenario, rng: np.random.Generator) -> Layout:
         operators=np.round(station + _row(scenario.n_operators, 0.004 * side, -0.008 * side), 2),
         starts=np.round(starts, 2),
     )
+
+
+def _off(parts, radius, places):
+    """The parts that, inflated by `radius`, hold none of the places."""
+    return parts[[not inside_any(unit_frame(part[None], radius), places).any() for part in parts]]
 
 
 def _row(n, spacing, y):
@@ -141,6 +160,52 @@ def _draw_mountains(scenario, station, rng):
         a, b = radius * stretch, radius / stretch
         parts[i] = (Footprint.MOUNTAIN, i, *np.round([x, y, a, b], 2), round(rng.uniform(0, np.pi), 4), round(height, 2))
     return parts
+
+
+@lru_cache(maxsize=8)
+def _heightmap_mountains(heightmap, side, top):
+    """The mountains of a heightmap whose white is `top` m high, and their surfaces: the same for every seed."""
+    ellipses = cover(heightmap)
+    parts, surfaces = np.zeros(len(ellipses), PART), []
+    parts["kind"] = Footprint.MOUNTAIN
+    parts["x"], parts["y"] = np.round(ellipses[:, :2].T * side, 2)
+    parts["a"], parts["b"] = np.round(ellipses[:, 2:4].T * side * 1.001 + 0.01, 2)  # more than rounding takes from the cover
+    parts["angle"] = np.round(ellipses[:, 4], 4)
+    for part in parts:
+        half = surface_half_width(part)
+        axis = np.linspace(-half, half, SURFACE_NODES)
+        nodes = np.stack(np.meshgrid(part["x"] + axis, part["y"] + axis), axis=-1)
+        surfaces.append(np.round(top * height_share(heightmap, nodes / side), 2))
+        part["height"] = surfaces[-1].max()
+    raised = parts["height"] > 0  # foothills under a centimetre are none
+    return parts[raised], np.array(surfaces).reshape(-1, SURFACE_NODES, SURFACE_NODES)[raised]
+
+
+@lru_cache(maxsize=8)
+def _station_places(heightmap, side, top, radius):
+    """Where a station has room between a heightmap's mountains: places [n, 2] on the largest free ground that has some.
+
+    Free ground is what a vehicle of `radius` m reaches.
+
+    Raises:
+      ValueError: there is none (names the field).
+    """
+    mountains, _ = _heightmap_mountains(heightmap, side, top)
+    axis = (np.arange(ROOM_CELLS) + 0.5) / ROOM_CELLS * side
+    cells = np.stack(np.meshgrid(axis, axis), axis=-1)
+    free = (~inside_any(unit_frame(mountains, radius), cells)).astype(np.uint8)
+    reach = int(np.ceil(STATION_CLEARING * ROOM_CELLS))
+    room = cv2.erode(free, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1,) * 2)) > 0
+    x, y = np.moveaxis(cells / side, -1, 0)
+    room &= (np.abs(x - 0.5) < 0.5 - STATION_CLEARING) & (np.abs(y - 0.5) < 0.45)  # the robots' row lies on the map
+    if not room.any():
+        raise ValueError(
+            "world.heightmap leaves no room for the station: it needs a circle of plain ground, "
+            f"{2 * STATION_CLEARING * side:.0f} m across and darker than {PLAIN:.0%} of white"
+        )
+    _, regions = cv2.connectedComponents(free, connectivity=4)
+    sizes = np.bincount(regions.ravel())
+    return cells[room & (regions == max(np.unique(regions[room]), key=lambda region: sizes[region]))]
 
 
 def _draw_forests(scenario, station, mountains, rng):

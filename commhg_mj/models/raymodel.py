@@ -43,8 +43,7 @@ class RayModel:
         mountains = np.zeros(len(parts), MOUNTAIN)
         mountains["x"], mountains["y"] = parts["x"], parts["y"]
         mountains["half"] = [surface_half_width(part) for part in parts]
-        cell = 2 * mountains["half"] / (SURFACE_NODES - 1)
-        mountains["reach"] = np.maximum(parts["a"], parts["b"]) + np.sqrt(2) * cell  # triangles lean out of the footprint
+        mountains["reach"] = [_reach(surface, half) for surface, half in zip(layout.surfaces, mountains["half"])]
         mountains["height"] = layout.surfaces
         mountains["top"] = layout.surfaces.max(axis=(1, 2), initial=0.0)
         mountains["geom"] = [self.model.geom(f"mountain{i}").id for i in range(len(mountains))]
@@ -52,6 +51,13 @@ class RayModel:
 
     def _calls(self):
         return np.array([(*ray_functions(), self.model._address, self.data._address)], CALLS)
+
+
+def _reach(surface, half):
+    """Radius [m] around a mountain's centre beyond which its triangles are flat: a cell's diagonal from its last node."""
+    axis = np.linspace(-half, half, SURFACE_NODES)
+    away = np.hypot(*np.meshgrid(axis, axis))
+    return away[surface > 0].max() + np.sqrt(2) * (axis[1] - axis[0])
 
 
 _alive = weakref.WeakValueDictionary()  # ray models by their model's address, for the functions in Python

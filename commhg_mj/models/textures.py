@@ -4,6 +4,8 @@ Images are [height, width, 3] uint8 RGB. Maps of the terrain have their first ro
 follow y; `terrain_image` turns the finished picture over. Light never changes, so it costs nothing at render time.
 """
 
+import math
+
 import cv2
 import numpy as np
 
@@ -46,8 +48,9 @@ def terrain_image(layout: Layout, trees, sun, rng: np.random.Generator) -> np.nd
     """The ground seen from above, with the shadows of mountains and trees [n, 5] under sunbeams along `sun` [3]."""
     heights = height_map(layout, TERRAIN_SIZE // 2)
     image = cv2.resize(_draw_ground(layout, TERRAIN_SIZE // 4, rng), (TERRAIN_SIZE,) * 2)
-    for part in layout.mountains:
-        _paint_mountain(image, heights, part, layout.side, sun, rng)
+    mountains = layout.mountains
+    for group in np.unique(mountains["group"]):
+        _paint_mountains(image, heights, mountains[mountains["group"] == group], layout.side, sun, rng)
     light = _light(layout, heights, trees, sun, rng)
     image = cv2.multiply(image, cv2.merge([light] * 3), scale=1 / 200)
     return np.ascontiguousarray(image[::-1])
@@ -60,12 +63,23 @@ def height_map(layout: Layout, size) -> np.ndarray:
         rows, columns = _window(part, layout.side, size)
         shape = (columns.stop - columns.start, rows.stop - rows.start)
         patch = cv2.resize(surface.astype(np.float32), shape, interpolation=cv2.INTER_CUBIC)
-        heights[rows, columns] = np.maximum(heights[rows, columns], patch)
+        on_map = _clip(rows, size), _clip(columns, size)
+        patch = patch[tuple(slice(on.start - all.start, on.stop - all.start) for on, all in zip(on_map, (rows, columns)))]
+        heights[on_map] = np.maximum(heights[on_map], patch)
+    if len(np.unique(layout.mountains["group"])) < len(layout.mountains):
+        # Where one surface of a relief ends, the next one is a few decimetres lower: light would show that as a line.
+        heights = cv2.GaussianBlur(heights, (0, 0), 2)
     return heights
 
 
+def _clip(window, size):
+    """A slice of rows or columns as far as it lies on a terrain map."""
+    start = min(max(window.start, 0), size)
+    return slice(start, min(max(window.stop, start), size))
+
+
 def _window(part, side, size):
-    """Rows and columns of a mountain's surface grid in a terrain map; the outermost cells count half more."""
+    """Rows and columns of a mountain's surface grid in a terrain map, and beyond; the outermost cells count half more."""
     half = surface_half_width(part) * SURFACE_NODES / (SURFACE_NODES - 1)
     centre = np.array([part["x"], part["y"]])
     low = np.rint(terrain_uv(centre - half, side) * size).astype(int)
@@ -129,19 +143,23 @@ def _draw_tracks(layout, size, rng):
     return cv2.GaussianBlur(mask, (3, 3), 0).astype(np.float32) / 150
 
 
-def _paint_mountain(image, heights, part, side, sun, rng):
-    """Rock and snow with slope-dependent light over one mountain, in place; its foot keeps the plain's colour.
+def _paint_mountains(image, heights, parts, side, sun, rng):
+    """Rock and snow with slope-dependent light over one relief, in place; its foot keeps the plain's colour.
 
     Roughness between the nodes of the surface is painted only: light reacts to it as if it were there.
     """
-    rows, columns = _window(part, side, TERRAIN_SIZE // 2)
+    windows = zip(*(_window(part, side, TERRAIN_SIZE // 2) for part in parts))
+    rows, columns = (
+        _clip(slice(min(each.start for each in some), max(each.stop for each in some)), TERRAIN_SIZE // 2) for some in windows
+    )
+    top = parts["height"].max()
     patch = heights[rows, columns]
     shape = (2 * patch.shape[0], 2 * patch.shape[1])
-    relief = cv2.resize(patch, shape[::-1], interpolation=cv2.INTER_CUBIC) / np.float32(part["height"])
-    detail = noise(shape, 12, 5, rng) - 0.5
+    relief = cv2.resize(patch, shape[::-1], interpolation=cv2.INTER_CUBIC) / np.float32(top)
+    detail = noise(shape, 12 * math.isqrt(len(parts)), 5, rng) - 0.5
     rough = relief + 0.16 * detail * smooth(0.02, 0.25, relief)
     texel = TERRAIN_REACH * side / TERRAIN_SIZE
-    slope_y, slope_x = np.gradient(cv2.GaussianBlur(rough, (0, 0), 0.8) * (part["height"] / texel))
+    slope_y, slope_x = np.gradient(cv2.GaussianBlur(rough, (0, 0), 0.8) * (top / texel))
     slope = np.hypot(slope_x, slope_y)
     facing = (slope_x * sun[0] + slope_y * sun[1] - sun[2]) / np.sqrt(1 + slope**2) / -sun[2]
     window = image[2 * rows.start : 2 * rows.stop, 2 * columns.start : 2 * columns.stop]

@@ -47,7 +47,7 @@ def make_world(scenario: Scenario, seed: int) -> World:
     """Generate the world of a mission; the same arguments give the same world.
 
     Raises:
-      ValueError: the POIs do not fit on the map (names the field).
+      ValueError: the POIs or the station do not fit on the map (names the field).
     """
     rng = np.random.default_rng([seed, STREAM])
     layout = draw_layout(scenario, rng)
@@ -72,8 +72,9 @@ def _draw_pois(scenario, layout, roadmap, poi_types, rng):
                 pois[i] = poi
                 break
         else:
+            mountains = "world.heightmap" if scenario.world.heightmap else "world.mountain_share"
             raise ValueError(
                 f"n_tasks = {scenario.n_tasks} POIs do not fit on the map with world.poi_spacing = "
-                f"{scenario.world.poi_spacing:g}, world.forest_share and world.mountain_share as they are"
+                f"{scenario.world.poi_spacing:g}, world.forest_share and {mountains} as they are"
             )
     return pois

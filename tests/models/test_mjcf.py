@@ -120,6 +120,7 @@ ODD = [
     {"n_uav": 0, "n_ugv": 1, "n_operators": 1, "n_tasks": 1},
     {"map_side": 20000.0, "n_tasks": 1024, "world": {"poi_spacing": 0.005}},
     {"map_side": 50.0, "tasks": {"type_shares": [1.0, 0.0, 0.0]}, "world": {"canopy_height": [3.0, 5.0]}},
+    {"world": {"mountain_share": 0.3, "n_mountains": 1}},  # reaches beyond the textured ground
     {"map_side": 300.0, "world": {"n_forests": 64, "n_mountains": 32, "mast_height": 200.0}},
 ]
 

@@ -35,7 +35,7 @@ def plan(scenario: Scenario, policies, missions: int) -> list[Condition]:
     """All conditions; the first policy's three models come first, every other policy's follow."""
     policy, *others = policies
     conditions = [Condition(links, scenario, policy, links, missions) for links in (*MODELS, SHUFFLED)]
-    free = change(scenario, "world", forest_share=0.0, mountain_share=0.0)
+    free = change(scenario, "world", forest_share=0.0, mountain_share=0.0, heightmap="")
     conditions += [Condition(FREE + links, free, policy, links, missions) for links in ("abstract", "raycast")]
     conditions += [Condition(f"{other} {links}", scenario, other, links, missions) for other in others for links in MODELS]
     fewer = min(missions, max(SWEEP_LEAST, missions // SWEEP_SHARE))

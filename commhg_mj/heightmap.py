@@ -1,0 +1,96 @@
+"""Heightmaps: from a user's PNG to the text that a scenario holds, and back to heights.
+
+A scenario carries the picture itself, not its file's name: a trace stores its scenario and makes the same world again
+wherever it is read. So the picture is brought to PIXELS² pixels of 8 bits and written as the base64 of a PNG.
+"""
+
+import base64
+import binascii
+import struct
+from functools import lru_cache
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+PIXELS = 128  # a side: as fine as the mountains' surfaces that 48 ellipses can carry (models/relief.py)
+MOST_PIXELS = 64_000_000  # of a picture that is read
+PLAIN = 0.02  # of white: darker ground is the plain
+HEADER = struct.Struct(">8s4x4sIIBB")  # of a PNG: signature, length, IHDR, width, height, bits, colour type
+GREY = 0  # PNG's colour type
+
+
+def read_heightmap(path) -> str:
+    """The content of the field world.heightmap for a picture.
+
+    Args:
+      path: a square PNG, black for the plain and white for the highest ground, north up. Colours count by their
+        brightness, transparency not at all.
+
+    Raises:
+      ValueError: not such a picture; the message names the field and the file.
+    """
+    where = f"world.heightmap: {path}"
+    try:
+        png = Path(path).read_bytes()
+    except (OSError, ValueError) as error:
+        raise ValueError(f"{where}: {getattr(error, 'strerror', None) or error}") from None
+    width, height, *_ = _header(png, where)
+    if width != height:
+        raise ValueError(f"{where}: the picture of the square map must be square, is {width}x{height}")
+    if width * height > MOST_PIXELS:
+        raise ValueError(f"{where}: {width}x{height} are too many pixels, at most {MOST_PIXELS / 1e6:g} million are read")
+    picture = _decode(png, where)
+    if picture.ndim == 3:
+        picture = cv2.cvtColor(picture[..., :3], cv2.COLOR_BGR2GRAY)
+    share = picture.astype(np.float32) / np.iinfo(picture.dtype).max
+    share = cv2.resize(share, (PIXELS, PIXELS), interpolation=cv2.INTER_AREA if width > PIXELS else cv2.INTER_LINEAR)
+    if share.max() <= PLAIN:
+        raise ValueError(
+            f"{where}: nothing in it is brighter than the plain ({PLAIN:.0%} of white): stretch its greys, or use "
+            "world.n_mountains = 0 for a flat world"
+        )
+    return to_text(share)
+
+
+def to_text(share) -> str:
+    """The field's content for brightnesses [PIXELS, PIXELS] in 0..1, first row in the north."""
+    grey = np.rint(255 * np.asarray(share)).astype(np.uint8)
+    return base64.b64encode(cv2.imencode(".png", grey, [cv2.IMWRITE_PNG_COMPRESSION, 9])[1]).decode()
+
+
+@lru_cache(maxsize=64)
+def brightness(text) -> np.ndarray:
+    """What `to_text` wrote: [PIXELS, PIXELS] in 0..1, first row in the SOUTH, so that rows follow y; not writable.
+
+    Raises:
+      ValueError: it did not write this; the message names the field.
+    """
+    where = f"world.heightmap must be the base64 of a PNG of {PIXELS}x{PIXELS} grey pixels (commhg_mj.with_heightmap)"
+    try:
+        png = base64.b64decode(text, validate=True)
+    except (TypeError, ValueError, binascii.Error):
+        raise ValueError(where) from None
+    if _header(png, where) != (PIXELS, PIXELS, 8, GREY):
+        raise ValueError(f"{where}: another size or kind of pixels")
+    share = _decode(png, where)[::-1] / 255
+    share.flags.writeable = False
+    return share
+
+
+def _header(png, where):
+    """(width, height, bits, colour type) of a PNG, before anything of it is decoded."""
+    if len(png) >= HEADER.size:
+        signature, kind, *facts = HEADER.unpack_from(png)
+        if signature == b"\x89PNG\r\n\x1a\n" and kind == b"IHDR":
+            return tuple(facts)
+    raise ValueError(f"{where}: not a PNG picture")
+
+
+def _decode(png, where):
+    """Pixels of a PNG [height, width(, channels)]."""
+    # A picture that was cut off has no end; OpenCV would say so on standard error.
+    picture = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_UNCHANGED) if b"IEND" in png[-64:] else None
+    if picture is None:
+        raise ValueError(f"{where}: a damaged PNG picture")
+    return picture
