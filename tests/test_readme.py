@@ -80,7 +80,7 @@ def test_the_blocks_of_the_worlds_page_make_one_world(tmp_path, monkeypatch, cap
 
 
 def test_a_policy_of_ones_own_takes_less_than_20_lines():
-    (code,) = blocks("python")
+    _, code = blocks("python")
     policy = re.search(r"^def .*?(?=^\S)", code.split("def ", 1)[1].join(["def ", ""]), re.M | re.S)
     assert 5 < len(policy.group().strip().splitlines()) < 20
 
