@@ -1,0 +1,88 @@
+"""Local graphs of many steps as tensors, for one update."""
+
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from .graphs import OperatorGraphs, RobotGraphs
+from .ragged import rows_of
+
+
+class RobotBatch(NamedTuple):
+    """`RobotGraphs` of N decisions as tensors; `task` indexes rows of the public table."""
+
+    itself: Tensor
+    task_ptr: Tensor
+    task: Tensor
+    task_edge: Tensor
+    task_legal: Tensor
+    own_edge: Tensor
+    peer_ptr: Tensor
+    peer_edge: Tensor
+    resource: Tensor
+    keep_idle: Tensor
+    gate: Tensor
+    query: Tensor
+    assist: Tensor
+    rows: Tensor  # [E] of task edges
+    peer_rows: Tensor  # [P] of peer edges
+
+
+def robot_batch(graphs: RobotGraphs, n_tasks: int) -> RobotBatch:
+    """Tensors that share the arrays' memory."""
+    rows = np.repeat(np.arange(len(graphs.itself)), np.diff(graphs.task_ptr))
+    task = graphs.mission[rows] * n_tasks + graphs.task
+    tensors = [torch.from_numpy(np.ascontiguousarray(array)) for array in graphs[:13]]
+    tensors[2] = torch.from_numpy(task)
+    task_ptr, peer_ptr = tensors[1], tensors[6]
+    return RobotBatch(*tensors, rows_of(task_ptr), rows_of(peer_ptr))
+
+
+def join_robots(parts: list[RobotGraphs]) -> RobotGraphs:
+    """The graphs of several steps, one after the other."""
+    columns = {name: np.concatenate(arrays) for name, arrays in zip(RobotGraphs._fields, zip(*parts))}
+    for name in ("task_ptr", "peer_ptr"):
+        pointers = [getattr(part, name) for part in parts]
+        starts = np.cumsum([0] + [pointer[-1] for pointer in pointers])
+        columns[name] = np.concatenate([[0]] + [pointer[1:] + start for pointer, start in zip(pointers, starts)])
+        if name == "task_ptr":
+            own = [np.where(part.own_edge >= 0, part.own_edge + start, -1) for part, start in zip(parts, starts)]
+            columns["own_edge"] = np.concatenate(own)
+    return RobotGraphs(**columns)
+
+
+def pick_robots(graphs: RobotGraphs, rows: np.ndarray) -> tuple[RobotGraphs, np.ndarray]:
+    """(graphs of some rows, [N] what to add to an edge's number for its new one)."""
+    edges, task_ptr = _pick_edges(graphs.task_ptr, rows)
+    peers, peer_ptr = _pick_edges(graphs.peer_ptr, rows)
+    shift = task_ptr[:-1] - graphs.task_ptr[rows]
+    picked = {
+        name: array[rows] for name, array in graphs._asdict().items() if not name.endswith(("_ptr", "_edge", "task", "_legal"))
+    }
+    own = graphs.own_edge[rows]
+    picked |= {
+        "task_ptr": task_ptr, "peer_ptr": peer_ptr, "task": graphs.task[edges], "task_edge": graphs.task_edge[edges],
+        "task_legal": graphs.task_legal[edges], "peer_edge": graphs.peer_edge[peers],
+        "own_edge": np.where(own >= 0, own + shift, -1),
+    }  # fmt: skip
+    return RobotGraphs(**picked), shift
+
+
+def _pick_edges(ptr, rows):
+    """(edges of some rows, their pointers)."""
+    counts = ptr[rows + 1] - ptr[rows]
+    new = np.concatenate([[0], np.cumsum(counts)])
+    edges = np.arange(new[-1]) + np.repeat(ptr[rows] - new[:-1], counts)
+    return edges, new
+
+
+def join_operators(parts: list[OperatorGraphs]) -> OperatorGraphs:
+    """The graphs of several steps, one after the other."""
+    return OperatorGraphs(*(np.concatenate(arrays) for arrays in zip(*parts)))
+
+
+def operator_batch(graphs: OperatorGraphs, rows=slice(None)) -> OperatorGraphs:
+    """Tensors of some rows."""
+    return OperatorGraphs(*(torch.from_numpy(array[rows]) for array in graphs))

@@ -1,0 +1,74 @@
+"""The central critic: a graph over the full true state, four heads (paper, section III-D). Never used in execution."""
+
+import torch
+from torch import Tensor, nn
+
+from .networks import MESSAGE, NODE, linear, mlp
+from .states import N_GLOBAL, N_STATE_OPERATOR, N_STATE_ROBOT, N_STATE_TASK, States
+
+N_PARTS = 2  # of the reward: mission, coordination
+
+
+class Critic(nn.Module):
+    """Values of both roles' agents, mission and coordination apart, in units of `ReturnScale`."""
+
+    def __init__(self):
+        super().__init__()
+        self.robot, self.operator = mlp(N_STATE_ROBOT, NODE, NODE), mlp(N_STATE_OPERATOR, NODE, NODE)
+        self.task, self.tasks = linear(N_STATE_TASK, MESSAGE), linear(MESSAGE, NODE)
+        self.context = mlp(3 * NODE + N_GLOBAL + 1, NODE, NODE)
+        self.robot_value, self.operator_value = (mlp(2 * NODE, NODE, N_PARTS, 0.1) for _ in range(2))
+
+    def forward(self, states: States) -> tuple[Tensor, Tensor]:
+        """(robots' [S, R, 2], operators' [S, H, 2]) values of states of tensors."""
+        robots, operators = torch.relu(self.robot(states.robot)), torch.relu(self.operator(states.operator))
+        is_open = states.is_open[..., None].float()
+        count = is_open.sum(dim=1)
+        # The last layer after the mean, as in networks.Relation.
+        tasks = (torch.relu(self.task(states.task)) * is_open).sum(dim=1) / count.clamp(min=1)
+        tasks = self.tasks(tasks) * (count > 0).float()
+        parts = [robots.mean(dim=1), _mean(operators, robots), tasks, states.mission, count / states.task.shape[1]]
+        context = torch.relu(self.context(torch.cat(parts, dim=1)))[:, None]
+        return tuple(
+            value(torch.cat([agents, context.expand(-1, agents.shape[1], -1)], dim=2))
+            for value, agents in ((self.robot_value, robots), (self.operator_value, operators))
+        )
+
+
+def _mean(operators, robots):
+    """Zeros where a mission has no operators."""
+    return operators.mean(dim=1) if operators.shape[1] else torch.zeros_like(robots[:, 0])
+
+
+class ReturnScale(nn.Module):
+    """Running mean and spread of returns, a role and a part each; the critic learns in these units."""
+
+    def __init__(self):
+        super().__init__()
+        for name, value in (("mean", 0.0), ("square", 0.0), ("weight", 0.0)):
+            self.register_buffer(name, torch.full((2, N_PARTS), value))
+
+    @torch.no_grad()
+    def update(self, role: int, returns: Tensor, rate: float = 0.05):
+        """Take in returns [n, 2] of one role."""
+        if len(returns):
+            for total, value in ((self.mean, returns.mean(dim=0)), (self.square, (returns**2).mean(dim=0))):
+                total[role] += rate * (value - total[role])
+            self.weight[role] += rate * (1.0 - self.weight[role])
+
+    def _moments(self, role):
+        weight = self.weight[role].clamp(min=1e-6)
+        mean = self.mean[role] / weight
+        return mean, (self.square[role] / weight - mean**2).clamp(min=1e-6).sqrt()
+
+    def normal(self, role: int, returns: Tensor) -> Tensor:
+        """Returns in the critic's units."""
+        mean, spread = self._moments(role)
+        return (returns - mean) / spread
+
+    def real(self, role: int, values: Tensor) -> Tensor:
+        """The critic's values in units of reward."""
+        if self.weight[role, 0] == 0:
+            return torch.zeros_like(values)
+        mean, spread = self._moments(role)
+        return values * spread + mean

@@ -1,0 +1,150 @@
+"""Choices out of logits: sampling, joint likelihood and entropy under masks.
+
+A component with one legal choice, or one that is not the policy's to make, enters neither likelihood nor entropy.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.nn.functional import logsigmoid
+
+from ..terms import IDLE, KEEP, NOBODY
+
+ILLEGAL = -1e9  # a masked logit
+
+
+class RobotLogits(NamedTuple):
+    """What a robot actor says of N rows with E task edges; all bounded."""
+
+    task: Tensor  # [E]
+    keep_idle: Tensor  # [N, 2]
+    gate: Tensor | None  # [N] to broadcast; None: communication follows the schedule
+    query: Tensor | None  # [N, 1 + H] nobody, then each operator; None: no query head
+    assist: Tensor | None  # [N] to request assistance
+
+
+class RobotChoices(NamedTuple):
+    """N robots' choices as numbers."""
+
+    task: np.ndarray  # [N] i8 edge of the row's graph, KEEP or IDLE
+    gate: np.ndarray  # [N] bool
+    query: np.ndarray  # [N] i8 operator or NOBODY
+    assist: np.ndarray  # [N] bool
+
+
+class Likelihood(NamedTuple):
+    """Of the free components of N decisions."""
+
+    log_prob: Tensor  # [N] of all of them together
+    entropy: Tensor  # [N] mean over free components, each as a share of log(number of its legal choices)
+    is_free: Tensor  # [N] bool: some component was the policy's to choose
+
+
+def judge_robots(logits: RobotLogits, graphs, choices) -> Likelihood:
+    """The joint likelihood of robots' choices; `graphs` and `choices` hold tensors, `graphs.rows` the edges' rows."""
+    n = len(graphs.keep_idle)
+    task = _judge_tasks(logits, graphs, choices.task, n)
+    parts = [task]
+    if logits.gate is not None:
+        parts.append(_judge_switch(logits.gate, choices.gate, graphs.gate))
+    is_quiet = torch.ones(n, dtype=torch.bool)
+    if logits.query is not None:
+        legal = torch.cat([torch.ones(n, 1, dtype=torch.bool), graphs.query], dim=1)
+        parts.append(_judge_rows(logits.query, choices.query + 1, legal))
+        is_quiet = choices.query == NOBODY
+    if logits.assist is not None:
+        parts.append(_judge_switch(logits.assist, choices.assist, graphs.assist & is_quiet))
+    return _join(parts)
+
+
+def judge_operators(logits: Tensor, legal: Tensor, choices: Tensor) -> Likelihood:
+    """The likelihood of operators' choices [K] among logits [K, 2 + R] (KEEP, REST, robots)."""
+    return _join([_judge_rows(logits, choices, legal)])
+
+
+def _join(parts) -> Likelihood:
+    log_probs, entropies, free = (torch.stack(column) for column in zip(*parts))
+    count = free.sum(dim=0)
+    return Likelihood(
+        torch.where(free, log_probs, 0.0).sum(dim=0),
+        torch.where(free, entropies, 0.0).sum(dim=0) / count.clamp(min=1),
+        count > 0,
+    )
+
+
+def _judge_tasks(logits, graphs, chosen, n):
+    """(log-probability, relative entropy, free) [N] over ragged legal edges, KEEP and IDLE."""
+    rows, legal = graphs.rows, graphs.task_legal
+    fixed = torch.where(graphs.keep_idle, logits.keep_idle.exp(), 0.0).sum(dim=1)
+    edges = torch.where(legal, logits.task.exp(), 0.0)
+    norm = (fixed + torch.zeros(n).index_add(0, rows, edges)).log()
+    picked = torch.where(
+        chosen >= 0, logits.task[chosen.clamp(min=0)] if len(rows) else 0.0,
+        torch.where(chosen == KEEP, logits.keep_idle[:, 0], logits.keep_idle[:, 1]),
+    )  # fmt: skip
+    # Entropy = log Z - mean logit.
+    mean = torch.zeros(n).index_add(0, rows, edges * logits.task)
+    mean = mean + torch.where(graphs.keep_idle, logits.keep_idle.exp() * logits.keep_idle, 0.0).sum(dim=1)
+    count = graphs.keep_idle.sum(dim=1) + torch.zeros(n, dtype=torch.long).index_add(0, rows, legal.long())
+    entropy = (norm - mean / norm.exp()) / count.clamp(min=2).log()
+    return picked - norm, entropy, count > 1
+
+
+def _judge_rows(logits, chosen, legal):
+    masked = torch.where(legal, logits, ILLEGAL).log_softmax(dim=1)
+    count = legal.sum(dim=1)
+    entropy = -torch.where(legal, masked.exp() * masked, 0.0).sum(dim=1) / count.clamp(min=2).log()
+    return masked.gather(1, chosen[:, None])[:, 0], entropy, count > 1
+
+
+def _judge_switch(logit, chosen, is_open):
+    yes, no = logsigmoid(logit), logsigmoid(-logit)
+    entropy = -(yes.exp() * yes + no.exp() * no) / np.log(2.0)
+    return torch.where(chosen, yes, no), entropy, is_open
+
+
+def choose_robots(logits: RobotLogits, graphs, rng, is_greedy: bool) -> RobotChoices:
+    """Sample robots' choices, or take each component's best.
+
+    Args:
+      graphs: `graphs.RobotGraphs` of arrays. rng: numpy Generator.
+    """
+    noise = _no_noise if is_greedy else rng.gumbel
+    n = len(graphs.itself)
+    fixed = np.where(graphs.keep_idle, logits.keep_idle.numpy() + noise(size=(n, 2)), ILLEGAL)
+    edges = np.where(graphs.task_legal, logits.task.numpy() + noise(size=len(graphs.task)), ILLEGAL)
+    best = np.where(fixed[:, 0] >= fixed[:, 1], KEEP, IDLE)
+    top = fixed.max(axis=1)
+    # The best edge of each row: edges in rising order of score, the last one written wins.
+    order = np.argsort(edges, kind="stable")
+    rows = np.repeat(np.arange(n), np.diff(graphs.task_ptr))
+    edge = np.full(n, NOBODY)
+    edge[rows[order]] = order
+    wins = (edge >= 0) & (edges[edge] > top) if len(edges) else np.zeros(n, bool)
+    task = np.where(wins, edge, best)
+    gate, assist = np.zeros(n, bool), np.zeros(n, bool)
+    query = np.full(n, NOBODY)
+    if logits.gate is not None:
+        gate = graphs.gate & (logits.gate.numpy() + _logistic(noise, n) > 0.0)
+    if logits.query is not None:
+        legal = np.concatenate([np.ones((n, 1), bool), graphs.query], axis=1)
+        query = np.where(legal, logits.query.numpy() + noise(size=legal.shape), ILLEGAL).argmax(axis=1) - 1
+    if logits.assist is not None:
+        assist = graphs.assist & (query == NOBODY) & (logits.assist.numpy() + _logistic(noise, n) > 0.0)
+    return RobotChoices(task, gate, query, assist)
+
+
+def choose_operators(logits: Tensor, legal: np.ndarray, rng, is_greedy: bool) -> np.ndarray:
+    """Sample operators' choices [K] among KEEP, REST and robots, or take the best."""
+    noise = _no_noise if is_greedy else rng.gumbel
+    return np.where(legal, logits.numpy() + noise(size=legal.shape), ILLEGAL).argmax(axis=1)
+
+
+def _logistic(noise, n):
+    return noise(size=n) - noise(size=n)
+
+
+def _no_noise(size):
+    return np.zeros(size)

@@ -1,0 +1,1 @@
+"""Learned methods: each is its networks and its communication rule."""

@@ -1,0 +1,105 @@
+"""CommHG: a communication-conditioned graph policy (paper, section III-B and C)."""
+
+import torch
+from torch import Tensor, nn
+
+from ..critic import Critic, ReturnScale
+from ..graphs import N_OPERATOR, N_PEER, N_PUBLIC, N_REPORT, N_RESOURCE, N_ROBOT, N_TASK_EDGE
+from ..heads import RobotLogits
+from ..networks import MESSAGE, NODE, Relation, Update, bounded, head, linear, mlp
+from ..ragged import Edges
+
+ROUNDS = 2
+RARELY = 3.0  # logit of nobody at first: a query displaces telemetry
+
+
+class RobotActor(nn.Module):
+    """All robots' policy: task and peer relations, two updates, five heads."""
+
+    def __init__(self):
+        super().__init__()
+        self.itself, self.task = mlp(N_ROBOT, NODE, NODE), mlp(N_PUBLIC, NODE, NODE)
+        self.peer, self.operator = mlp(N_PEER, NODE, NODE), mlp(N_RESOURCE, MESSAGE, NODE)
+        self.tasks, self.peers = Relation(N_TASK_EDGE), Relation(N_PEER)
+        self.update = Update(2)
+        self.score_task, self.score_edge = linear(NODE, MESSAGE), linear(N_TASK_EDGE, MESSAGE)
+        self.score_robot, self.score = linear(NODE, MESSAGE, bias=False), linear(MESSAGE, 1, 0.01)
+        self.keep_idle, self.gate, self.assist = head(NODE, 2), head(NODE, 1), head(NODE, 1)
+        self.query_robot, self.query_operator = linear(NODE, MESSAGE), linear(NODE, MESSAGE, bias=False)
+        self.query, self.nobody = linear(MESSAGE, 1, 0.01), head(NODE, 1)
+        nn.init.constant_(self.nobody[2].bias, RARELY)
+
+    def forward(self, graphs, public: Tensor) -> RobotLogits:
+        """Logits of N robots.
+
+        Args:
+          graphs: `batches.RobotBatch`. public: [tasks, N_PUBLIC].
+        """
+        tasks, rows = self.task(public), graphs.rows
+        node = self.embed(graphs, tasks)
+        hidden = self.score_task(tasks)[graphs.task] + self.score_edge(graphs.task_edge) + self.score_robot(node)[rows]
+        score = self.score(torch.relu(hidden))[:, 0]
+        # To keep a task is to choose it once more.
+        own = torch.where(graphs.own_edge >= 0, score[graphs.own_edge.clamp(min=0)], 0.0) if len(score) else 0.0
+        keep_idle = self.keep_idle(node)
+        keep_idle = torch.stack([keep_idle[:, 0] + own, keep_idle[:, 1]], dim=1)
+        operators = self.query_operator(self.operator(graphs.resource)) + self.query_robot(node)[:, None]
+        query = torch.cat([self.nobody(node), self.query(torch.relu(operators))[..., 0]], dim=1)
+        return RobotLogits(
+            bounded(score), bounded(keep_idle), bounded(self.gate(node)[:, 0]), bounded(query), bounded(self.assist(node)[:, 0])
+        )
+
+    def embed(self, graphs, tasks: Tensor) -> Tensor:
+        """[N, NODE] of robots out of their local graphs."""
+        node = self.itself(graphs.itself)
+        task_edges, peer_edges = Edges(graphs.task_ptr, graphs.rows), Edges(graphs.peer_ptr, graphs.peer_rows)
+        from_tasks = self.tasks.source(tasks)[graphs.task] + self.tasks.edge(graphs.task_edge)
+        from_peers = self.peers.source(self.peer(graphs.peer_edge)) + self.peers.edge(graphs.peer_edge)
+        for _ in range(ROUNDS):
+            node = self.update(
+                node,
+                self.tasks(from_tasks, node, task_edges.mean_of_sums, task_edges.exist),
+                self.peers(from_peers, node, peer_edges.mean_of_sums, peer_edges.exist),
+            )
+        return node
+
+
+class OperatorActor(nn.Module):
+    """All operators' policy: the report relation, two updates, a score a robot."""
+
+    def __init__(self):
+        super().__init__()
+        self.itself, self.report = mlp(N_OPERATOR, NODE, NODE), mlp(N_REPORT, NODE, NODE)
+        self.reports, self.update = Relation(N_REPORT), Update(1)
+        self.score_report, self.score_operator = linear(NODE, MESSAGE), linear(NODE, MESSAGE, bias=False)
+        self.score, self.keep_rest = linear(MESSAGE, 1, 0.01), head(NODE, 2)
+
+    def forward(self, graphs) -> Tensor:
+        """[K, 2 + R] logits of KEEP, REST and the robots, of `OperatorGraphs` of tensors."""
+        known = graphs.known[..., None].float()
+        count = known.sum(dim=1)
+        node, report = self.itself(graphs.itself), self.report(graphs.report)
+        ends = self.reports.source(report) + self.reports.edge(graphs.report)
+
+        def mean(ends, receiver):
+            return (torch.relu(ends + receiver[:, None]) * known).sum(dim=1) / count.clamp(min=1)
+
+        for _ in range(ROUNDS):
+            node = self.update(node, self.reports(ends, node, mean, (count > 0).float()))
+        hidden = self.score_report(report) * known + self.score_operator(node)[:, None]
+        score = self.score(torch.relu(hidden))[..., 0]
+        own = score.gather(1, graphs.held.clamp(min=0)[:, None])[:, 0]
+        keep_rest = self.keep_rest(node)
+        keep = keep_rest[:, 0] + torch.where(graphs.held >= 0, own, 0.0)
+        return bounded(torch.cat([keep[:, None], keep_rest[:, 1:], score], dim=1))
+
+
+class CommHG(nn.Module):
+    """The method: two actors, a critic, learned communication."""
+
+    communicates = True
+
+    def __init__(self):
+        super().__init__()
+        self.robot, self.operator = RobotActor(), OperatorActor()
+        self.critic, self.scale = Critic(), ReturnScale()

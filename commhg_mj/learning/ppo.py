@@ -1,0 +1,143 @@
+"""PPO over decisions of both roles (paper, section III-C and D): one joint ratio a robot decision, clipped once."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import nn
+
+from .batches import operator_batch, pick_robots, robot_batch
+from .heads import RobotChoices, judge_operators, judge_robots
+from .rollout import Experience
+from .states import States
+
+
+@dataclass(frozen=True)
+class Hyper:
+    """Numbers of the learning algorithm, the same for every learned method."""
+
+    gamma: float = 0.998  # a second
+    lam: float = 0.95  # a decision
+    clip: float = 0.2
+    epochs: int = 4
+    decisions: int = 8192  # of robots, an update
+    minibatches: int = 8
+    learning_rate: float = 3e-4
+    entropy: float = 0.003  # weight of the relative entropy
+    value: float = 0.5  # weight of the critic's loss
+    max_grad: float = 0.5
+    target_kl: float = 0.03  # a minibatch beyond it ends the update
+
+
+class Learner:
+    """Optimises a method's actors and critic."""
+
+    def __init__(self, method, hyper: Hyper):
+        self.method, self.hyper = method, hyper
+        self.optimizer = torch.optim.Adam(method.parameters(), lr=hyper.learning_rate, eps=1e-5)
+
+    def update(self, data: Experience, rng, is_cloning=False) -> dict:
+        """Some epochs over the experience; `is_cloning` follows the remembered choices instead of their advantages."""
+        hyper, method = self.hyper, self.method
+        for role, returns in enumerate((data.robot_return, data.operator_return)):
+            method.scale.update(role, torch.from_numpy(returns).float())
+        advantages = [_normal(a.sum(axis=1)) for a in (data.robot_advantage, data.operator_advantage)]
+        old = self._judge_all(data)
+        stats = []
+        n = len(data.states.robot)
+        for _ in range(hyper.epochs):
+            for states in np.array_split(rng.permutation(n), hyper.minibatches):
+                stats.append(self._step(data, np.sort(states), advantages, old, is_cloning))
+                if not is_cloning and stats[-1]["kl"] > hyper.target_kl:
+                    return _means(stats)
+        return _means(stats)
+
+    def _step(self, data, states, advantages, old, is_cloning):
+        hyper, method = self.hyper, self.method
+        robots, operators = _rows_in(data.robot_state, states), _rows_in(data.operator_state, states)
+        batch, likelihood = self._judge_robots(data, robots)
+        new = [likelihood, self._judge_operators(data, operators)]
+        losses, entropies, kls = [], [], []
+        for role, (rows, now) in enumerate(zip((robots, operators), new)):
+            free = now.is_free
+            if not free.any():
+                continue
+            if is_cloning:
+                losses.append(-now.log_prob[free].mean())
+            else:
+                advantage = advantages[role][rows][free]
+                log_ratio = now.log_prob[free] - old[role][rows][free]
+                ratio = log_ratio.exp()
+                clipped = ratio.clamp(1.0 - hyper.clip, 1.0 + hyper.clip)
+                losses.append(-torch.min(ratio * advantage, clipped * advantage).mean())
+                kls.append(float((ratio - 1.0 - log_ratio).detach().mean()))
+            entropies.append(now.entropy[free].mean())
+        value_loss = self._value_loss(data, states, robots, operators)
+        policy_loss, entropy = torch.stack(losses).mean(), torch.stack(entropies).mean()
+        loss = policy_loss - hyper.entropy * entropy + hyper.value * value_loss
+        self.optimizer.zero_grad()
+        loss.backward()
+        norm = nn.utils.clip_grad_norm_(method.parameters(), hyper.max_grad)
+        self.optimizer.step()
+        return {
+            "policy_loss": policy_loss.item(), "value_loss": value_loss.item(), "entropy": entropy.item(),
+            "kl": float(np.mean(kls)) if kls else 0.0, "grad_norm": norm.item(),
+        }  # fmt: skip
+
+    def _value_loss(self, data, states, robots, operators):
+        method = self.method
+        values = method.critic(States(*(torch.from_numpy(array[states]) for array in data.states)))
+        losses = []
+        at = (data.robot_state, data.robots.robot, robots), (data.operator_state, data.operators.operator, operators)
+        for role, (state, agent, rows) in enumerate(at):
+            if len(rows):
+                returns = data.robot_return if role == 0 else data.operator_return
+                target = method.scale.normal(role, torch.from_numpy(returns[rows]).float())
+                place = np.searchsorted(states, state[rows])
+                losses.append(((values[role][place, agent[rows]] - target) ** 2).mean())
+        return torch.stack(losses).mean()
+
+    def _judge_robots(self, data, rows):
+        graphs, shift = pick_robots(data.robots, rows)
+        batch = robot_batch(graphs, data.public.shape[1])
+        worlds, index = np.unique(graphs.mission, return_inverse=True)
+        # Only the worlds of the minibatch are encoded.
+        edge_world = index[np.repeat(np.arange(len(rows)), np.diff(graphs.task_ptr))]
+        batch = batch._replace(task=torch.from_numpy(edge_world * data.public.shape[1] + graphs.task))
+        public = torch.from_numpy(data.public[worlds].reshape(-1, data.public.shape[2]))
+        chosen = data.robot_choices
+        task = chosen.task[rows]
+        picked = RobotChoices(*(torch.from_numpy(np.ascontiguousarray(column)) for column in (
+            np.where(task >= 0, task + shift, task), chosen.gate[rows], chosen.query[rows], chosen.assist[rows],
+        )))  # fmt: skip
+        return batch, judge_robots(self.method.robot(batch, public), batch, picked)
+
+    def _judge_operators(self, data, rows):
+        graphs = operator_batch(data.operators, rows)
+        legal = torch.cat([graphs.keep_rest, graphs.legal], dim=1)
+        return judge_operators(self.method.operator(graphs), legal, torch.from_numpy(data.operator_choices[rows]))
+
+    @torch.no_grad()
+    def _judge_all(self, data):
+        """Log-probabilities of all choices under the actors as they are."""
+        robots = [self._judge_robots(data, rows)[1].log_prob for rows in _chunks(len(data.robot_state))]
+        operators = [self._judge_operators(data, rows).log_prob for rows in _chunks(len(data.operator_state))]
+        return [torch.cat(parts) if parts else torch.zeros(0) for parts in (robots, operators)]
+
+
+def _chunks(n, size=4096):
+    return [np.arange(start, min(start + size, n)) for start in range(0, n, size)]
+
+
+def _rows_in(state_of, states):
+    """Rows whose state is among the sorted `states`."""
+    first, last = np.searchsorted(state_of, states), np.searchsorted(state_of, states, side="right")
+    return np.concatenate([np.arange(a, b) for a, b in zip(first, last)]) if len(states) else np.zeros(0, np.int64)
+
+
+def _normal(advantage):
+    return torch.from_numpy((advantage - advantage.mean()) / (advantage.std() + 1e-8)).float()
+
+
+def _means(stats):
+    return {name: float(np.mean([row[name] for row in stats])) for name in stats[0]}
