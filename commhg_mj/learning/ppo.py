@@ -36,6 +36,11 @@ class Learner:
         self.method, self.hyper = method, hyper
         self.optimizer = torch.optim.Adam(method.parameters(), lr=hyper.learning_rate, eps=1e-5)
 
+    def set_rate(self, share: float) -> None:
+        """Learn at a share of the plan's rate."""
+        for group in self.optimizer.param_groups:
+            group["lr"] = self.hyper.learning_rate * max(0.05, share)
+
     def update(self, data: Experience, rng, is_cloning=False) -> dict:
         """Some epochs over the experience; `is_cloning` follows the remembered choices instead of their advantages."""
         hyper, method = self.hyper, self.method

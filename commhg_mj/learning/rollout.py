@@ -77,15 +77,37 @@ def to_decisions(robots: RobotGraphs, choices: RobotChoices, operator_choices) -
 
 
 class Collector:
-    """Flies missions side by side, each followed by the next seed, and cuts what happens into `Experience`."""
+    """Flies missions side by side, each followed by the next seed, and cuts what happens into `Experience`.
 
-    def __init__(self, method, scenario, seeds, n_missions, links, limitation, rng):
-        self.method, self.seeds, self.rng = method, iter(seeds), rng
-        self.batch = MissionBatch(scenario, [next(self.seeds) for _ in range(n_missions)], links, limitation)
-        self.builder = GraphBuilder(self.batch)
-        self.pilot = Pilot(method, self.builder)
-        self.public = self.builder.public(self.batch.state.tasks)
-        self.scores = []
+    Args:
+      first_seed: of the first mission; the others count on from it.
+      rng: numpy Generator of all choices.
+    """
+
+    def __init__(self, method, scenario, first_seed, n_missions, links, limitation, rng):
+        self.method, self.rng = method, rng
+        self.next_seed = first_seed + n_missions
+        self._fly(MissionBatch(scenario, range(first_seed, self.next_seed), links, limitation))
+        self.scores = []  # TWCR of missions that have ended
+
+    def _fly(self, batch):
+        self.batch, self.builder = batch, GraphBuilder(batch)
+        self.pilot = Pilot(self.method, self.builder)
+        self.public = self.builder.public(batch.state.tasks)
+
+    def state_dict(self) -> dict:
+        """Missions under way, as tensors and numbers."""
+        arrays = {name: torch.from_numpy(array.view(np.uint8).copy()) for name, array in self.batch.state._asdict().items()}
+        return {"seeds": self.batch.seeds, "next_seed": self.next_seed, "arrays": arrays, "scores": self.scores}
+
+    def load_state_dict(self, state: dict) -> None:
+        """Go on where another collector of the same options stood."""
+        old = self.batch
+        batch = MissionBatch(old.scenario, state["seeds"], old.links, old.limitation)
+        kinds = batch.state._asdict()
+        batch.restore({name: tensor.numpy().view(kinds[name].dtype) for name, tensor in state["arrays"].items()})
+        self.next_seed, self.scores = state["next_seed"], state["scores"]
+        self._fly(batch)
 
     def collect(self, n_decisions: int, critic, scale, gamma, lam, teacher=None) -> Experience:
         """At least so many robot decisions; a `teacher` policy may make them, whose choices are then remembered."""
@@ -97,7 +119,8 @@ class Collector:
             over = batch.over
             for e in np.flatnonzero(over):
                 self.scores.append(batch.scores()[e].twcr)
-                batch.restart(e, next(self.seeds))
+                batch.restart(e, self.next_seed)
+                self.next_seed += 1
                 self.public[e] = self.builder.public(batch.state.tasks[e : e + 1])[0]
                 world_of[e] = sum(map(len, worlds))
                 worlds.append(self.public[e : e + 1].copy())

@@ -99,11 +99,19 @@ class MissionBatch:
     def __setstate__(self, attributes):
         """A copy or an unpickled batch has arrays of its own: its missions must find those."""
         self.__dict__.update(attributes)
-        self.state.missions["rules"]["radio"]["share_at"] = OWN_MODELS.get(self.links, 0)  # in this process
         self._grounds = [ground_of(world, self.links) for world in self.worlds]
         self._wire()
 
+    def restore(self, arrays: dict) -> Observations:
+        """Put back the state, by name of its arrays, of another batch of the same missions, as it stood after a step."""
+        for name, array in arrays.items():
+            np.copyto(getattr(self.state, name), array)
+        self._wire()
+        self._is_new[:] = False
+        return self._advance(0)
+
     def _wire(self):
+        self.state.missions["rules"]["radio"]["share_at"] = OWN_MODELS.get(self.links, 0)  # in this process
         for e, ground in enumerate(self._grounds):
             wire(self.state, self.log, e, ground)
 

@@ -8,6 +8,7 @@ from ..graphs import N_OPERATOR, N_PEER, N_PUBLIC, N_REPORT, N_RESOURCE, N_ROBOT
 from ..heads import RobotLogits
 from ..networks import MESSAGE, NODE, Relation, Update, bounded, head, linear, mlp
 from ..ragged import Edges
+from ..registry import method
 
 ROUNDS = 2
 RARELY = 3.0  # logit of nobody at first: a query displaces telemetry
@@ -94,8 +95,9 @@ class OperatorActor(nn.Module):
         return bounded(torch.cat([keep[:, None], keep_rest[:, 1:], score], dim=1))
 
 
+@method("commhg")
 class CommHG(nn.Module):
-    """The method: two actors, a critic, learned communication."""
+    """Two actors, a critic, learned communication."""
 
     communicates = True
 

@@ -1,0 +1,169 @@
+"""Training: collect, update, remember; a run is a folder, and goes on to the same bits after any interruption."""
+
+import csv
+import dataclasses
+import json
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from ..files import whole_file
+from ..policies import POLICIES
+from ..scenarios import Scenario, from_json, to_json
+from .ppo import Hyper, Learner
+from .registry import find_method
+from .rollout import Collector
+from .weights import save_weights
+
+FORMAT = "commhg_mj training 1"
+RUN, STATE, WEIGHTS, LOG = "run.json", "state.pt", "weights.safetensors", "log.csv"
+TRAINING_SEEDS = 10**6  # missions of training seed s begin at (1 + s) times this; evaluation stays far below
+RECENT = 100  # missions whose mean TWCR is shown
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Everything that decides a run's bits."""
+
+    method: str
+    scenario: Scenario
+    seed: int = 0
+    links: str = "abstract"
+    limitation: str = "nominal"
+    missions: int = 3000  # to fly in all
+    side_by_side: int = 32
+    clone_updates: int = 6  # that imitate Greedy at first
+    init: str = ""  # weights to begin with
+    hyper: Hyper = Hyper()
+
+
+class Training:
+    """One run of a plan.
+
+    >>> training = Training(plan, "runs/x")
+    >>> while not training.is_done:
+    ...     print(training.update())
+    ...     training.save()
+    """
+
+    def __init__(self, plan: Plan, folder):
+        torch.set_num_threads(1)
+        self.plan, self.folder = plan, Path(folder)
+        self.rng = np.random.default_rng([plan.seed, 0])
+        torch.manual_seed(plan.seed)
+        self.method = find_method(plan.method)()
+        if plan.init:
+            self._begin_with(plan.init)
+        self.learner = Learner(self.method, plan.hyper)
+        first = (1 + plan.seed) * TRAINING_SEEDS
+        self.collector = Collector(
+            self.method, plan.scenario, first, plan.side_by_side, plan.links, plan.limitation, self.rng
+        )  # fmt: skip
+        self.updates, self.decisions, self.cpu_seconds = 0, 0, 0.0
+
+    def _begin_with(self, path):
+        from .weights import load_weights
+
+        other, _ = load_weights(path)
+        if other.name != self.plan.method:
+            raise ValueError(f"init: {path} holds {other.name}, not {self.plan.method}")
+        self.method.load_state_dict(other.state_dict())
+
+    @property
+    def missions(self) -> int:
+        """Missions flown to their end."""
+        return len(self.collector.scores)
+
+    @property
+    def is_done(self) -> bool:
+        return self.missions >= self.plan.missions
+
+    @property
+    def is_cloning(self) -> bool:
+        return self.updates < self.plan.clone_updates and not self.plan.init
+
+    def update(self) -> dict:
+        """Collect and learn once; what happened, by name."""
+        start, hyper, collector = time.process_time(), self.plan.hyper, self.collector
+        teacher = POLICIES["greedy"].make(collector.batch) if self.is_cloning else None
+        self.learner.set_rate(1.0 - self.missions / self.plan.missions)
+        data = collector.collect(hyper.decisions, self.method.critic, self.method.scale, hyper.gamma, hyper.lam, teacher)
+        stats = self.learner.update(data, self.rng, self.is_cloning)
+        if not all(np.isfinite(value) for value in stats.values()):
+            raise FloatingPointError(f"update {self.updates}: {stats}")
+        self.updates += 1
+        self.decisions += len(data.robot_state)
+        seconds = time.process_time() - start
+        self.cpu_seconds += seconds
+        recent = collector.scores[-RECENT:]
+        facts = {"update": self.updates, "missions": self.missions, "decisions": self.decisions, "cpu_seconds": self.cpu_seconds}
+        facts |= {"rate": len(data.robot_state) / seconds, "twcr": float(np.mean(recent)) if recent else float("nan")}
+        return facts | stats
+
+    def save(self) -> None:
+        """Write the run's state, its weights and nothing half; the state is what counts."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+        state = {
+            "format": FORMAT, "plan": plan_to_json(self.plan), "method": self.method.state_dict(),
+            "optimizer": self.learner.optimizer.state_dict(), "collector": self.collector.state_dict(),
+            "rng": self.rng.bit_generator.state, "counts": [self.updates, self.decisions, self.cpu_seconds],
+        }  # fmt: skip
+        with whole_file(self.folder / STATE) as draft:
+            torch.save(state, draft)
+        save_weights(self.method, self.folder / WEIGHTS, self.facts())
+
+    def facts(self) -> dict:
+        """What a model card says of the training."""
+        counts = {"missions": self.missions, "decisions": self.decisions, "updates": self.updates}
+        return {"plan": json.loads(plan_to_json(self.plan)), "cpu_seconds": round(self.cpu_seconds), **counts}
+
+    def log(self, row: dict) -> None:
+        """Append a row to the run's log."""
+        path = self.folder / LOG
+        is_new = not path.exists()
+        self.folder.mkdir(parents=True, exist_ok=True)
+        with open(path, "a", newline="") as file:
+            writer = csv.DictWriter(file, list(row))
+            if is_new:
+                writer.writeheader()
+            writer.writerow(row)
+
+    @classmethod
+    def resume(cls, folder) -> "Training":
+        """The run in a folder, where it stood.
+
+        Raises:
+          ValueError: there is none, or it is damaged or foreign; the message names it.
+        """
+        path = Path(folder) / STATE
+        try:
+            state = torch.load(path, weights_only=True)
+            if state["format"] != FORMAT:
+                raise ValueError(f"{path} is of another format: {state['format']}")
+            training = cls(plan_from_json(state["plan"]), folder)
+            training.method.load_state_dict(state["method"])
+            training.learner.optimizer.load_state_dict(state["optimizer"])
+            training.collector.load_state_dict(state["collector"])
+            training.rng.bit_generator.state = state["rng"]
+            training.updates, training.decisions, training.cpu_seconds = state["counts"]
+        except FileNotFoundError:
+            raise ValueError(f"{path}: there is no run to resume") from None
+        except (OSError, KeyError, TypeError, RuntimeError, EOFError) as error:
+            raise ValueError(f"{path} is damaged or no training ({type(error).__name__})") from None
+        return training
+
+
+def plan_to_json(plan: Plan) -> str:
+    """A plan as text."""
+    table = {field.name: getattr(plan, field.name) for field in dataclasses.fields(plan)}
+    table |= {"scenario": json.loads(to_json(plan.scenario)), "hyper": dataclasses.asdict(plan.hyper)}
+    return json.dumps(table)
+
+
+def plan_from_json(text: str) -> Plan:
+    """The plan that `plan_to_json` wrote."""
+    table = json.loads(text)
+    return Plan(**table | {"scenario": from_json(json.dumps(table["scenario"])), "hyper": Hyper(**table["hyper"])})

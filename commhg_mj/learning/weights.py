@@ -1,0 +1,48 @@
+"""Trained weights: one safetensors file that says what it holds; loading executes no code."""
+
+import json
+from pathlib import Path
+
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save_file
+
+from ..files import whole_file
+from .graphs import N_OPERATOR, N_PEER, N_PUBLIC, N_REPORT, N_RESOURCE, N_ROBOT, N_TASK_EDGE
+from .registry import find_method
+
+FORMAT = "commhg_mj weights 1"
+SCHEMA = json.dumps([N_ROBOT, N_PUBLIC, N_TASK_EDGE, N_PEER, N_RESOURCE, N_OPERATOR, N_REPORT])  # widths of features
+ENDING = ".safetensors"
+
+
+def save_weights(method, path, facts: dict) -> None:
+    """Write a method's weights with facts about their training, whole or not at all."""
+    tensors = {name: tensor.contiguous() for name, tensor in method.state_dict().items()}
+    metadata = {"format": FORMAT, "method": method.name, "schema": SCHEMA, "facts": json.dumps(facts)}
+    with whole_file(path) as draft:
+        save_file(tensors, draft, metadata)
+
+
+def load_weights(path):
+    """(method, facts) of a file that `save_weights` wrote.
+
+    Raises:
+      ValueError: it is missing, damaged, of another format, of unknown features or of an unknown method; names the file.
+    """
+    path = Path(path)
+    try:
+        with safe_open(path, "pt") as file:
+            metadata = file.metadata() or {}
+            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118  no mapping
+    except (OSError, SafetensorError) as error:
+        raise ValueError(f"weights {path}: {str(error).splitlines()[0]}") from None
+    if metadata.get("format") != FORMAT:
+        raise ValueError(f"{path} holds no weights of this version ({FORMAT}), but {metadata.get('format')}")
+    method = find_method(metadata["method"])()
+    if metadata.get("schema") != SCHEMA:
+        raise ValueError(f"{path} was trained with other features than this version has")
+    try:
+        method.load_state_dict(tensors)
+    except RuntimeError as error:
+        raise ValueError(f"{path} does not fit {metadata['method']}: {str(error).splitlines()[-1].strip()}") from None
+    return method.eval(), json.loads(metadata["facts"])
