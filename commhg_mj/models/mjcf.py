@@ -79,6 +79,7 @@ def build_spec(world: World, pictures: bool = True) -> mujoco.MjSpec:
     add_cameras(spec, world.layout, station_scale(world))
     if pictures:
         _add_scenery(spec, world)
+    _name_geoms(spec)
     return spec
 
 
@@ -135,6 +136,13 @@ def _add_canopies(spec, layout):
         pos, size = [part["x"], part["y"], half], [part["a"], half, 0]
         rgba = [0.2, 0.6, 0.2, 0.3]
         _geom(spec.worldbody, "cylinder", Group.CANOPY, name=f"canopy{i}", pos=pos, size=size, rgba=rgba)
+
+
+def _name_geoms(spec):
+    """Give parts of assets that have no name one, as `uav0/2`."""
+    for body in spec.bodies:
+        for i, geom in enumerate(body.geoms):
+            geom.name = geom.name or f"{body.name}/{i}"
 
 
 def _load(name, pictures):

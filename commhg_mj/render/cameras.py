@@ -19,7 +19,7 @@ def check_camera(name: str, scenario):
     Raises:
       ValueError: unknown camera or robot.
     """
-    kind, _, robot = name.partition(":")
+    kind, _, robot = str(name).partition(":")
     if kind == "follow" and robot in scenario.robot_names:
         return
     if kind == "follow":

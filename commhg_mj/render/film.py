@@ -3,6 +3,7 @@
 import multiprocessing
 import signal
 from collections import deque
+from collections.abc import Iterable
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import closing
 from functools import partial
@@ -203,7 +204,7 @@ def _check(trace, drape, out, ending, camera, size):
 
 def check_size(size) -> tuple:
     """The size of a picture; ValueError unless it is two even numbers of pixels."""
-    size = tuple(size)
-    if len(size) != 2 or not all(isinstance(n, int) and SMALLEST <= n <= LARGEST and n % 2 == 0 for n in size):
-        raise ValueError(f"size must be two even numbers in {SMALLEST}..{LARGEST}, is {'x'.join(map(str, size))}")
-    return size
+    values = tuple(size) if isinstance(size, Iterable) else (size,)
+    if len(values) != 2 or not all(isinstance(n, int) and SMALLEST <= n <= LARGEST and n % 2 == 0 for n in values):
+        raise ValueError(f"size must be two even numbers in {SMALLEST}..{LARGEST}, is {'x'.join(map(str, values))}")
+    return values

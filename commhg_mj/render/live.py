@@ -42,6 +42,10 @@ class LiveFilm:
         self._film.go_on(trace)
         return cv2.cvtColor(self._film.picture(float(batch.time[0])), cv2.COLOR_BGR2RGB)
 
+    def __getstate__(self):
+        """A copy makes pictures of its own."""
+        return self.__dict__ | {"_film": None, "_world": None}
+
     def close(self):
         if self._film:
             self._film.close()

@@ -12,6 +12,7 @@ from ..scenarios import Scenario
 from ..terms import IDLE, KEEP, NOBODY, REST
 
 PER_ROBOT = 3  # choices
+LARGEST = 2.0**31
 
 
 class Choices:
@@ -39,26 +40,30 @@ class Choices:
         """A flat mask [..., n_numbers] as one view [..., size] a choice."""
         return tuple(mask[..., start : start + size] for start, size in zip(self.starts, self.sizes))
 
+    def whole(self, actions, n_missions: int) -> np.ndarray:
+        """Actions of so many missions as whole numbers [n_missions, 3 R + H] i8, not yet known to exist.
+
+        Raises:
+          ValueError: of another shape, or no whole numbers; the message names the choice.
+        """
+        shape = (n_missions, len(self.sizes))
+        try:
+            values = np.asarray(actions)
+        except ValueError:
+            values = np.empty(0, object)  # ragged
+        if values.shape != shape or values.dtype.kind not in "iuf":
+            wanted, found = (shape, values.shape) if n_missions > 1 else (shape[1:], values.shape[1:])
+            raise ValueError(f"action must be whole numbers of shape {wanted}, is {values.dtype} of shape {found}")
+        if values.dtype.kind == "f":
+            wrong = ~(np.abs(values) < LARGEST) | (values % 1 != 0)
+            if wrong.any():
+                e, k = np.argwhere(wrong)[0]
+                raise ValueError(f"action: {self.names[k]} must be a whole number, is {values[e, k]}")
+        return values.astype(np.int64, copy=False)
+
     def explain(self, actions, e: int, k: int) -> str:
         """What is wrong with choice k of mission e."""
         return f"action: {self.names[k]} must lie in 0..{self.sizes[k] - 1}, is {actions[e, k]}"
-
-
-def whole_numbers(actions, shape) -> np.ndarray:
-    """Actions as an array of i8.
-
-    Raises:
-      ValueError: of another shape, or no whole numbers.
-    """
-    values = np.asarray(actions)
-    if values.shape != shape:
-        raise ValueError(f"action must have shape {shape}, has {values.shape}")
-    if values.dtype == np.int64:
-        return values
-    whole = values.astype(np.int64) if values.dtype.kind in "iuf" else None
-    if whole is None or not np.array_equal(whole, values):
-        raise ValueError(f"action must hold whole numbers, is of type {values.dtype}")
-    return whole
 
 
 @kernel

@@ -125,10 +125,11 @@ class MissionParallelEnv(ParallelEnv):
             if agent not in self._roles:
                 raise ValueError(f"unknown agent {agent!r}: use {', '.join(self.possible_agents)}")
             if agent in present:
-                try:
-                    joint[self._roles[agent].choices] = action
-                except (TypeError, ValueError):
-                    raise ValueError(f"action of {agent} must fit {self.action_space(agent)}, is {action!r}") from None
+                own = self._roles[agent].choices
+                values = np.asarray(action)
+                if values.size != own.stop - own.start or values.ndim > 1 or values.dtype.kind not in "iuf":
+                    raise ValueError(f"action of {agent} must fit {self.action_space(agent)}, is {action!r}")
+                joint[own] = values
         return joint
 
     def _observe(self):

@@ -34,22 +34,33 @@ class Physics(mujoco.Physics):
           timestep: s of the mission that one step stands for.
         """
         physics = cls.from_model(_model_of(world, pictures, timestep))
-        physics._show(world, pictures)
+        physics._know(world, pictures)
+        physics._start()
         return physics
 
     def reload(self, world: World) -> None:
         """Another world in place of this one."""
         if world is not self.world:
             self._reload_from_model(_model_of(world, self.has_pictures, self.timestep()))
-            self._show(world, self.has_pictures)
+            self._know(world, self.has_pictures)
+            self._start()
 
-    def _show(self, world, pictures):
+    def copy(self, share_model=False) -> "Physics":
+        """The same world at the same moment."""
+        twin = super().copy(share_model)
+        twin._know(self.world, self.has_pictures)
+        return twin
+
+    def _know(self, world, pictures):
         self.world, self.has_pictures, self._links = world, pictures, WorldLinks(world, "raycast")
         scenario = world.scenario
         self._antennas = dict.fromkeys(scenario.robot_names[: scenario.n_uav], scenario.radio.uav_antenna)
         self._antennas |= dict.fromkeys(scenario.robot_names[scenario.n_uav :], scenario.radio.ugv_antenna)
         self._antennas[STATION] = scenario.world.mast_height
-        self.place_robots(world.layout.starts, np.zeros(scenario.n_robots, bool), 0.0)
+
+    def _start(self):
+        starts = self.world.layout.starts
+        self.place_robots(starts, np.zeros(len(starts), bool), 0.0)
 
     def place_robots(self, xy, failed, time) -> None:
         """Put the team at xy [R, 2] m at `time` s; a robot faces the way that it has come."""
@@ -110,10 +121,7 @@ class Physics(mujoco.Physics):
     def __setstate__(self, state):
         data, world, pictures = state
         super().__setstate__(data)
-        places, time = data.mocap_pos.copy(), data.time
-        self._show(world, pictures)
-        data.mocap_pos[:], data.time = places, time
-        self.forward()
+        self._know(world, pictures)
 
 
 def _model_of(world, pictures, timestep):

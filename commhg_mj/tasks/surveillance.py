@@ -1,11 +1,14 @@
 """The domain of surveillance missions, one task a scenario, in the manner of dm_control's suite."""
 
+from numbers import Real
+
 import numpy as np
 import tree
 from dm_control.rl import control
 from dm_control.utils import containers
 from dm_env import specs
 
+from ..mission.batch import check_seed
 from ..models.world import make_world
 from ..scenarios import SCENARIOS
 from ..terms import Activity
@@ -56,6 +59,8 @@ class Surveillance(control.Task):
         """Fix the next episode and those after it; arguments as for `make`."""
         if isinstance(random, np.random.RandomState):
             random = int(random.randint(2**31 - 1))
+        if random is not None:
+            random = check_seed(random)
         self._rng = np.random.default_rng(random)
         self.next_seed = self.team.draw_seed(self._rng) if random is None else random
 
@@ -119,7 +124,7 @@ class Surveillance(control.Task):
     def action_spec(self, physics):
         """One number a choice (tasks/choices.py); their names, separated by tabs, are the spec's."""
         choices = self.team.choices
-        return _bounded("\t".join(choices.names), choices.sizes.shape, np.int32, 0, choices.sizes - 1)
+        return _bounded("\t".join(choices.names), choices.sizes.shape, np.int32, 0 * choices.sizes, choices.sizes - 1)
 
 
 def _bounded(name, shape, dtype, low, high):
@@ -136,7 +141,7 @@ class MissionEnvironment(control.Environment):
     """
 
     def __init__(self, physics, task, flat_observation=False, gamma=None):
-        if gamma is not None and not 0.0 <= gamma <= 1.0:
+        if gamma is not None and not (isinstance(gamma, Real) and 0.0 <= gamma <= 1.0):
             raise ValueError(f"gamma must lie in 0..1, is {gamma!r}")
         super().__init__(physics, task)
         self._is_flat, self._gamma = flat_observation, gamma
@@ -149,9 +154,7 @@ class MissionEnvironment(control.Environment):
 
     def step(self, action):
         """To the next decision epoch; after the last step of an episode, `reset`."""
-        is_first = self._reset_next_step
-        timestep = super().step(action)
-        return timestep if is_first else self._finish(timestep)
+        return self._finish(super().step(action))
 
     def _finish(self, timestep):
         if self._gamma is not None and timestep.mid():

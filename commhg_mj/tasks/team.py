@@ -11,7 +11,7 @@ from ..mission.decide import Decisions
 from ..policies import POLICIES, ensure_compiled
 from ..radio.rules import radio_rules
 from ..scenarios import Scenario, load_scenario
-from .choices import Choices, close_choices, open_choices, read_actions, whole_numbers
+from .choices import Choices, close_choices, open_choices, read_actions
 from .tables import fill_tables, new_tables
 
 LARGEST_SEED = 2**31
@@ -44,12 +44,13 @@ class Team:
     def __init__(self, scenario, links="abstract", limitation="nominal", period=0, seeds=None, record=False):
         self.scenario: Scenario = load_scenario(scenario)
         radio_rules(self.scenario, links, limitation)
-        if isinstance(period, bool) or not isinstance(period, Integral) or period < 0:
-            raise ValueError(f"period must be a whole number of seconds, 0 for decision epochs, is {period!r}")
-        if seeds is not None and (not isinstance(seeds, Sequence | np.ndarray) or isinstance(seeds, str) or not len(seeds)):
-            raise ValueError(f"seeds must be a list or range of seeds, is {seeds!r}")
+        limit = self.scenario.time_limit
+        if isinstance(period, bool) or not isinstance(period, Integral) or not 0 <= period <= limit:
+            raise ValueError(f"period must be a whole number of seconds in 0..{limit}, 0 for decision epochs, is {period!r}")
+        check_seeds(seeds)
         self.links, self.limitation, self.period, self.seeds, self.record = links, limitation, int(period), seeds, record
         self.choices = Choices(self.scenario)
+        self.batch: MissionBatch | None = None
 
     def draw_seed(self, rng) -> int:
         """The seed of the next unseeded episode, from a numpy Generator."""
@@ -70,31 +71,34 @@ class Team:
         self.rewards = np.zeros(n)
         self._show()
 
-    def restart(self, e: int, seed: int) -> None:
-        """Begin another mission in the place of mission `e`, which is over; it is seen with the next step."""
-        self.batch.restart(e, seed)
-        self.due[e] = 1
-
-    def step(self, actions) -> None:
+    def step(self, actions, draw_next=None) -> None:
         """Decide for all who are due and advance; afterwards the attributes hold what follows from it.
 
         Args:
           actions: [E, 3 R + H] whole numbers (tasks/choices.py); masked ones count as staying.
+          draw_next: mission e that is over begins anew with the seed draw_next(e), and is seen at its t = 0.
 
         Raises:
           ValueError: an action that does not exist; nothing has changed then.
         """
+        if self.batch is None:
+            raise ValueError("there is no mission yet: reset first")
         batch, before, choices = self.batch, self.time, self.choices
-        seen = batch.observations
-        actions = whole_numbers(actions, (len(self.due), len(choices.sizes)))
+        seen, over = batch.observations, batch.over
+        actions = choices.whole(actions, len(over))
         n, k = len(seen.robots), len(seen.operators)
         decisions = Decisions(
             np.empty(n, np.int32), np.empty(n, bool), np.empty(n, np.int32), np.empty(n, bool), np.empty(k, np.int32)
         )
-        n_robots = self.scenario.n_robots
-        wrong = read_actions(seen, actions, self.mask, choices.starts, choices.sizes, n_robots, decisions, self.replaced)
+        n_robots, replaced = self.scenario.n_robots, np.zeros(len(over), np.int64)
+        wrong = read_actions(seen, actions, self.mask, choices.starts, choices.sizes, n_robots, decisions, replaced)
         if wrong[0] >= 0:
             raise ValueError(choices.explain(actions, *wrong))
+        replaced[over] = 0
+        self.replaced = replaced
+        if draw_next:
+            for e in np.flatnonzero(over):
+                batch.restart(e, draw_next(e))
         batch.step_legal(decisions, self.period)
         self.time = batch.time
         self.elapsed = np.maximum(self.time - before, 0.0)  # a new mission has not elapsed yet
@@ -108,3 +112,21 @@ class Team:
     def over(self) -> np.ndarray:
         """[E] bool: missions that have ended."""
         return self.batch.over
+
+
+def check_seeds(seeds) -> None:
+    """ValueError unless missions can be drawn from these seeds."""
+    if seeds is None:
+        return
+    if (
+        not isinstance(seeds, Sequence | np.ndarray)
+        or isinstance(seeds, str)
+        or (isinstance(seeds, np.ndarray) and seeds.ndim != 1)
+        or not len(seeds)
+    ):
+        raise ValueError(f"seeds must be a list or range of seeds, is {seeds!r}")
+    for seed in (seeds[0], seeds[-1]) if isinstance(seeds, range) else seeds:
+        try:
+            check_seed(seed)
+        except ValueError as error:
+            raise ValueError(f"seeds: {error}") from None

@@ -1,5 +1,7 @@
 """Many teams as one Gymnasium vector environment, straight over the batch kernel."""
 
+from numbers import Integral
+
 import gymnasium
 import numpy as np
 from gymnasium import spaces
@@ -7,6 +9,7 @@ from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 
+from ..mission.batch import check_seed
 from .gym import check_render_mode, inform_teams, observe_teams
 from .spaces import team_space
 from .team import Team
@@ -30,9 +33,9 @@ class MissionVectorEnv(gymnasium.vector.VectorEnv):
 
     def __init__(self, num_envs=1, scenario="medium", copy=True, render_mode=None, **options):
         check_render_mode(render_mode, self.metadata)
-        if isinstance(num_envs, bool) or not isinstance(num_envs, int) or num_envs < 1:
+        if isinstance(num_envs, bool) or not isinstance(num_envs, Integral) or num_envs < 1:
             raise ValueError(f"num_envs must be a whole number of at least 1, is {num_envs!r}")
-        self.num_envs, self.copy, self.render_mode = num_envs, copy, render_mode
+        self.num_envs, self.copy, self.render_mode = int(num_envs), copy, render_mode
         self.team = Team(scenario, **options)
         self.single_observation_space = team_space(self.team.scenario, self.team.choices)
         self.single_action_space = spaces.MultiDiscrete(self.team.choices.sizes)
@@ -42,21 +45,19 @@ class MissionVectorEnv(gymnasium.vector.VectorEnv):
 
     def reset(self, *, seed=None, options=None):
         """New missions: of those seeds, of `seed`, `seed + 1`, …, or of the next ones. There are no options."""
-        seeds = [seed] * self.num_envs if seed is None else seed
-        if isinstance(seeds, int | np.integer):
-            seeds = range(seed, seed + self.num_envs)
+        if seed is None or isinstance(seed, Integral):
+            seeds = [None if seed is None else check_seed(seed) + e for e in range(self.num_envs)]
+        else:
+            seeds = [None if one is None else check_seed(one) for one in seed]
         if len(seeds) != self.num_envs:
             raise ValueError(f"seed must be one number or {self.num_envs}, is {seed!r}")
-        self._randoms = [old if new is None else seeding.np_random(int(new))[0] for new, old in zip(seeds, self._randoms)]
+        self._randoms = [old if new is None else seeding.np_random(new)[0] for new, old in zip(seeds, self._randoms)]
         self.team.begin([self._draw(e) if new is None else new for e, new in enumerate(seeds)])
         return self._observe(), self._inform()
 
     def step(self, actions):
         """Decide in every mission, and advance each to its next decision epoch."""
-        over = self.team.over
-        for e in np.flatnonzero(over):
-            self.team.restart(e, self._draw(e))
-        self.team.step(actions)
+        self.team.step(actions, self._draw)
         rewards, ended = self.team.rewards, self.team.over
         return self._observe(), rewards, ended, np.zeros(self.num_envs, bool), self._inform()
 

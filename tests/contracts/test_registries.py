@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import gymnasium
 import numpy as np
 import pytest
 from flying import Wanderer, copied, differences, fingerprint, fly
@@ -13,6 +14,8 @@ from commhg_mj.mission.links import link_between, link_to_station
 from commhg_mj.policies import POLICIES, prepare
 from commhg_mj.radio import LINK_MODELS
 from commhg_mj.scenarios import LIMITATIONS, SCENARIOS, CommunicationRules, describe, from_json, load_scenario, to_json
+from commhg_mj.tasks import ALL_TASKS, MissionEnv, MissionVectorEnv, load, parallel_env
+from commhg_mj.tasks.registration import ID
 from commhg_mj.terms import Kind
 
 SHORT = change(SCENARIOS["small"], time_limit=120)
@@ -129,3 +132,27 @@ def test_scores_are_finite_shares_counts_and_times(policy):
         for counts in messages.values():
             ends = ("underway", "delivered", "out_of_range", "terrain", "lost", "no_tokens", "expired")
             assert counts["attempted"] == sum(counts[end] for end in ends)
+
+
+@every_scenario
+def test_every_interface_offers_every_scenario(scenario):
+    assert ("surveillance", scenario) in ALL_TASKS and ID.format(scenario) in gymnasium.registry
+    teams = [load("surveillance", scenario, {"pictures": False}).task.team]
+    teams += [make(scenario=scenario).team for make in (MissionEnv, MissionVectorEnv, parallel_env)]
+    teams += [gymnasium.make(ID.format(scenario)).unwrapped.team, gymnasium.make_vec(ID.format(scenario)).team]
+    assert all(team.scenario is SCENARIOS[scenario] for team in teams)
+
+
+@every_link_model
+@every_limitation
+def test_every_interface_flies_with_every_link_model_and_limitation(links, limitation):
+    options, nothing = {"links": links, "limitation": limitation, "period": 60}, np.zeros(14, int)
+    control = load("surveillance", "small", {"random": 1, "pictures": False, **options})
+    team, vector, agents = (make(scenario="small", **options) for make in (MissionEnv, MissionVectorEnv, parallel_env))
+    for env in (team, vector, agents):
+        env.reset(seed=1)
+    control.reset()
+    ends = control.step(nothing).reward, team.step(nothing)[1], vector.step(nothing[None])[1][0], agents.step({})[1]["uav_0"]
+    assert len(set(ends)) == 1
+    for env in (control.task, team, vector, agents):
+        assert (env.team.batch.links, env.team.batch.limitation) == (links, limitation)
