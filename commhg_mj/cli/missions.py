@@ -8,7 +8,7 @@ import tyro
 
 from .. import load_trace
 from ..mission.batch import check_seed
-from ..policies import find_policy
+from ..pilots import find_policy
 from ..radio import find_link_model
 from ..scenarios import load_scenario, with_profile
 from ..study.fly import fly, trace_path

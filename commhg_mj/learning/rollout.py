@@ -136,10 +136,8 @@ class Collector:
             at = (robots.mission, robots.robot), (operators.mission, batch.scenario.n_robots + operators.operator)
             robots_in, operators_in = state_of[robots.mission], state_of[operators.mission]
             robots = robots._replace(mission=world_of[robots.mission])
-            now_over = batch.over
-            steps.append((
-                states, robots, operators, choices, picks, robots_in, operators_in, at, batch.rewards, batch.time - time, now_over,
-            ))  # fmt: skip
+            after = batch.rewards, batch.time - time, batch.over
+            steps.append((states, robots, operators, choices, picks, robots_in, operators_in, at, *after))
             n += len(robots.itself)
         return self._experience(steps, np.concatenate(worlds), critic, scale, gamma, lam)
 

@@ -31,11 +31,10 @@ class States(NamedTuple):
 def read_states(batch: MissionBatch, scale, missions: np.ndarray) -> States:
     """The states of some missions [S]."""
     s, scenario = len(missions), batch.scenario
-    states = States(
-        np.zeros((s, scenario.n_robots, N_STATE_ROBOT), np.float32), np.zeros((s, scenario.n_operators, N_STATE_OPERATOR), np.float32),
-        np.zeros((s, scenario.n_tasks, N_STATE_TASK), np.float32), np.zeros((s, scenario.n_tasks), bool),
-        np.zeros((s, N_GLOBAL), np.float32),
-    )  # fmt: skip
+    r, h, t = scenario.n_robots, scenario.n_operators, scenario.n_tasks
+    shapes = (s, r, N_STATE_ROBOT), (s, h, N_STATE_OPERATOR), (s, t, N_STATE_TASK), (s, t), (s, N_GLOBAL)
+    kinds = np.float32, np.float32, np.float32, bool, np.float32
+    states = States(*(np.zeros(shape, kind) for shape, kind in zip(shapes, kinds)))
     fill_states(batch.state.missions, missions, scale, states)
     return states
 

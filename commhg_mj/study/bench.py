@@ -14,7 +14,7 @@ import numpy as np
 from ..models.layout import draw_layout
 from ..models.mjcf import build_model
 from ..models.world import World, make_world
-from ..policies import prepare
+from ..pilots import prepare
 from ..radio.evaluate import WorldLinks
 from ..scenarios import SCENARIOS, Scenario
 

@@ -7,7 +7,7 @@ from rich.table import Table
 
 from ..models.layout import inside_any, unit_frame
 from ..models.world import World
-from ..policies import prepare
+from ..pilots import prepare
 from ..radio import budget
 from ..radio.evaluate import WorldLinks
 from ..radio.raycast import APART

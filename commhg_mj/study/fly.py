@@ -8,7 +8,8 @@ from pathlib import Path
 
 from ..mission.score import Score
 from ..mission.trace import make_traces, save_trace
-from ..policies import POLICIES, ensure_compiled, prepare
+from ..pilots import label_of, prepare
+from ..policies import POLICIES, ensure_compiled
 from ..scenarios import Scenario
 
 DEFAULTS = ("abstract", "matched", "nominal")
@@ -18,7 +19,7 @@ CHUNK = 16  # missions that one call flies side by side: memory and progress sta
 def trace_path(folder, scenario: Scenario, policy: str, links: str, limitation: str, seed: int) -> Path:
     """Where the trace of one mission goes; defaults stay out of its name."""
     conditions = [word for word in (links, scenario.radio.profile, limitation) if word not in DEFAULTS]
-    return Path(folder) / ("-".join([scenario.name, policy, *conditions, str(seed)]) + ".npz")
+    return Path(folder) / ("-".join([scenario.name, label_of(policy), *conditions, str(seed)]) + ".npz")
 
 
 def fly(
@@ -94,10 +95,10 @@ def fly_to_end(policy, scenario, seeds, links="abstract", limitation="nominal", 
 def _fly_chunk(scenario, policy, seeds, links, limitation, out) -> list[Score]:
     batch = fly_to_end(policy, scenario, seeds, links, limitation, record=out is not None)
     if out is not None:
-        for trace in make_traces(batch, policy):
+        for trace in make_traces(batch, label_of(policy)):
             save_trace(trace, trace_path(out, scenario, policy, links, limitation, trace.seed))
     return batch.scores()
 
 
 def _look_chunk(look, scenario, policy, seeds, links, limitation) -> list:
-    return [look(trace) for trace in make_traces(fly_to_end(policy, scenario, seeds, links, limitation, True), policy)]
+    return [look(trace) for trace in make_traces(fly_to_end(policy, scenario, seeds, links, limitation, True), label_of(policy))]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from commhg_mj.mission.trace import ARRAYS, load_trace, make_traces, save_trace
-from commhg_mj.policies import prepare
+from commhg_mj.pilots import prepare
 from commhg_mj.scenarios import from_dict
 from commhg_mj.terms import Fate, Kind
 

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from strategies import change, limitations, link_models, scenarios, seeds
 
-from commhg_mj.policies import prepare
+from commhg_mj.pilots import prepare
 from commhg_mj.scenarios import SCENARIOS
 from commhg_mj.terms import NOBODY, Activity, Fate, Kind, Mode, Session, Status
 

@@ -14,7 +14,8 @@ from commhg_mj.mission.batch import MissionBatch
 from commhg_mj.mission.draw import others
 from commhg_mj.mission.links import link_between, link_to_station
 from commhg_mj.models.raymodel import python_ray_functions, ray_functions
-from commhg_mj.policies import POLICIES, prepare
+from commhg_mj.pilots import prepare
+from commhg_mj.policies import POLICIES
 from commhg_mj.radio.evaluate import WorldLinks
 from commhg_mj.radio.rules import LINK_MODELS, RAY_MODELS
 from commhg_mj.scenarios import LIMITATIONS, PROFILES, SCENARIOS

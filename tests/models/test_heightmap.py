@@ -18,7 +18,7 @@ from commhg_mj.models.layout import STATION_CLEARING, SURFACE_NODES, inside_any,
 from commhg_mj.models.rays import RAY, is_blocked
 from commhg_mj.models.terrain import NOTHING, add_profile, ground_at
 from commhg_mj.models.world import make_world
-from commhg_mj.policies import prepare
+from commhg_mj.pilots import prepare
 from commhg_mj.scenarios import SCENARIOS, describe, from_dict, from_json, load_scenario, to_json
 from commhg_mj.study.compare.plan import FREE, plan
 from commhg_mj.terms import Fate, TaskType

@@ -5,7 +5,8 @@ import pytest
 from flying import fly, plain
 
 from commhg_mj.mission.batch import MissionBatch
-from commhg_mj.policies import POLICIES, find_policy, prepare
+from commhg_mj.pilots import find_policy, prepare
+from commhg_mj.policies import POLICIES
 from commhg_mj.policies.random import Random
 from commhg_mj.terms import IDLE, KEEP, NOBODY, REST
 

@@ -18,7 +18,8 @@ import commhg_mj
 from commhg_mj.mission.batch import MissionBatch
 from commhg_mj.mission.links import link_between, link_to_station
 from commhg_mj.models.world import make_world
-from commhg_mj.policies import POLICIES, prepare
+from commhg_mj.pilots import prepare
+from commhg_mj.policies import POLICIES
 from commhg_mj.radio import LINK_MODELS, find_link_model
 from commhg_mj.radio.evaluate import WorldLinks
 from commhg_mj.radio.links import passing_share

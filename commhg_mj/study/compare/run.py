@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from ...models.world import make_world
-from ...policies import find_policy
+from ...pilots import find_policy
 from ...scenarios import Scenario
 from ..charts import save_figure
 from ..coverage import cover, coverage_figure

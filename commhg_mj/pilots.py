@@ -1,0 +1,78 @@
+"""Policies by name: the references, trained methods that come with the package, and files of weights."""
+
+from functools import cache, partial
+from pathlib import Path
+
+from .mission.batch import MissionBatch
+from .policies import POLICIES, PolicyInfo, ensure_compiled
+from .policies.omniscient import every_second
+from .radio import find_link_model
+from .scenarios import SCENARIOS, Scenario, load_scenario
+
+WEIGHTS = Path(__file__).parent / "learning" / "trained"  # <method>-<scenario>.safetensors
+ENDING = ".safetensors"
+
+
+def find_policy(name: str) -> PolicyInfo:
+    """The policy of that name: a reference, a trained method such as "commhg", or a path to weights.
+
+    Raises:
+      ValueError: there is none, or the file of weights is refused; the message names it.
+    """
+    if isinstance(name, str) and name in POLICIES:
+        return POLICIES[name]
+    if str(name).endswith(ENDING):
+        _load(str(name))
+        return PolicyInfo(partial(_fly_weights, str(name)), False)
+    if name in trained_methods():
+        return PolicyInfo(partial(_fly_trained, name), False)
+    raise ValueError(f"unknown policy {name!r}: use {', '.join([*POLICIES, *trained_methods()])} or a file of weights ({ENDING})")
+
+
+def trained_methods() -> list[str]:
+    """Methods whose weights come with the package."""
+    return sorted({path.name.partition("-")[0] for path in WEIGHTS.glob(f"*-*{ENDING}")})
+
+
+def label_of(name: str) -> str:
+    """What a policy is called in titles and names of files: weights by the run that they lie in."""
+    path = Path(name)
+    return path.parent.name or path.stem if str(name).endswith(ENDING) else str(name)
+
+
+def prepare(name: str, scenario, seeds, links="abstract", limitation="nominal", record=False):
+    """(batch, policy) for missions of a scenario; a privileged policy gets its idealised conditions."""
+    info, scenario = find_policy(name), load_scenario(scenario)
+    find_link_model(links)
+    ensure_compiled(POLICIES.values())
+    if info.is_privileged:
+        scenario, links = every_second(scenario), "perfect"
+    batch = MissionBatch(scenario, seeds, links, limitation, record)
+    return batch, info.make(batch)
+
+
+def weights_for(method: str, scenario: Scenario) -> Path:
+    """The method's weights that were trained on the scenario, or on the one of the nearest size."""
+    sizes = {name: abs(SCENARIOS[name].n_robots - scenario.n_robots) for name in SCENARIOS}
+    for name in sorted(sizes, key=lambda name: (name != scenario.name, sizes[name])):
+        path = WEIGHTS / f"{method}-{name}{ENDING}"
+        if path.exists():
+            return path
+    raise ValueError(f"no weights of {method} come with the package")
+
+
+def _fly_trained(method, batch):
+    return _fly_weights(str(weights_for(method, batch.scenario)), batch)
+
+
+def _fly_weights(path, batch):
+    from .learning.policy import LearnedPolicy
+
+    return LearnedPolicy(_load(path), batch)
+
+
+@cache
+def _load(path):
+    from .learning.weights import load_weights
+
+    return load_weights(path)[0]
