@@ -65,7 +65,8 @@ def main(args: Args):
     picture = shown["renderer"].pixels
     args.out.parent.mkdir(parents=True, exist_ok=True)
     cv2.imwrite(str(args.out), cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))
-    print(f"{episodes} episodes ended, {env.physics.time():.0f} s into the next; {args.out}: {picture.shape[1]}x{picture.shape[0]}")
+    height, width, _ = picture.shape
+    print(f"{episodes} episodes ended, {env.physics.time():.0f} s into the next; {args.out}: {width}x{height}")
 
 
 rng = np.random.default_rng(0)

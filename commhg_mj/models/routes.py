@@ -234,11 +234,12 @@ class Roadmap:
         return np.isfinite(dijkstra(graph, indices=n)[:n])
 
     def is_reachable(self, xy) -> bool:
-        """Whether a ground vehicle at the root can drive to xy."""
+        """Whether ground vehicles can drive to xy, from the root and from wherever else they can."""
         if inside_any(self.frames, xy):
             return False
-        if is_clear(self.frames, self.root[0], self.root[1], xy[0], xy[1]):
-            return True
+        # A straight leg from the root is not enough: where no corner is seen, as close beside an obstacle, it is the only one.
+        if not self._connected.any():
+            return bool(is_clear(self.frames, self.root[0], self.root[1], xy[0], xy[1]))
         found, _ = self._visible(xy)
         return bool(self._connected[found].any())
 

@@ -146,3 +146,10 @@ def test_ground_robots_never_drive_into_a_footprint(scenario, seed, restless):
     log = batch.log.robots[0][: batch.time[0] + 1, scenario.n_uav :]
     frames = unit_frame(batch.worlds[0].layout.parts, scenario.world.ugv_radius - 0.2)
     assert not inside_any(frames, np.stack([log["x"], log["y"]], axis=-1)).any()
+
+
+@pytest.mark.parametrize("name, seed", [*NAMED, ("small", 1001511)])  # the last: a POI seen from the start alone was accepted
+def test_every_ground_task_is_reached_from_every_other(name, seed):
+    world = make_world(SCENARIOS[name], seed)
+    tasks = ground_tasks(world)
+    assert np.isfinite(world.routes.between[np.ix_(tasks, tasks)]).all()
