@@ -15,7 +15,8 @@ UGV, FAILED, SERVICED, DONE = int(Embodiment.UGV), int(Activity.FAILED), int(Sta
 TRAVELLING, SERVICING = int(Activity.TRAVELLING), int(Activity.SERVICING)
 HANDOVER, CONTROLLED = int(Mode.HANDOVER), int(Mode.CONTROLLED)
 BID, HELD = int(Session.BID), int(Session.HELD)
-N_STATE_ROBOT, N_STATE_OPERATOR, N_STATE_TASK, N_GLOBAL = 24, 11, 15, 6
+N_STATE_ROBOT, N_STATE_OPERATOR, N_STATE_TASK, N_GLOBAL = 24, 11, 15, 4
+OWN_TIME = 2  # the first global features are the clock
 
 
 class States(NamedTuple):

@@ -1,0 +1,90 @@
+"""MAPPO: multilayer perceptrons on the best few of what a robot or an operator knows, and a central critic.
+
+Communication follows the fixed schedule (design: learning.md).
+"""
+
+import torch
+from torch import Tensor, nn
+
+from ..critic import Critic, ReturnScale
+from ..graphs import N_OPERATOR, N_PEER, N_REPORT, N_RESOURCE, N_ROBOT, N_TASK_EDGE, VALUE_RATE
+from ..heads import RobotLogits
+from ..networks import NODE, bounded, linear
+from ..registry import method
+
+N_TASKS, N_PEERS, N_OPERATORS, N_REPORTS = 8, 6, 3, 8  # that fit in, the best first
+LEFT_OUT = -30.0  # logit of what does not fit in: hardly ever chosen
+
+
+def perceptron(n_in: int, n_out: int) -> nn.Sequential:
+    """Two hidden layers."""
+    return nn.Sequential(linear(n_in, NODE), nn.ReLU(), linear(NODE, NODE), nn.ReLU(), linear(NODE, n_out, 0.01))
+
+
+class RobotMLP(nn.Module):
+    """All robots' policy: KEEP, IDLE or one of the tasks that promise most per second."""
+
+    def __init__(self):
+        super().__init__()
+        width = N_ROBOT + N_TASKS * (N_TASK_EDGE + 1) + N_PEERS * (N_PEER + 1) + N_OPERATORS * N_RESOURCE
+        self.net = perceptron(width, 2 + N_TASKS)
+
+    def forward(self, graphs, public: Tensor) -> RobotLogits:
+        tasks, picked = best_edges(graphs.task_ptr, graphs.rows, graphs.task_edge, graphs.task_edge[:, VALUE_RATE], N_TASKS)
+        peers, _ = best_edges(graphs.peer_ptr, graphs.peer_rows, graphs.peer_edge, graphs.peer_edge[:, -1], N_PEERS)
+        operators = fit(graphs.resource, N_OPERATORS)
+        out = bounded(self.net(torch.cat([graphs.itself, tasks, peers, operators], dim=1)))
+        score = torch.full((len(graphs.rows),), LEFT_OUT)
+        is_there = picked >= 0
+        score = score.index_put((picked[is_there],), out[:, 2:][is_there])
+        return RobotLogits(score, out[:, :2], None, None, None)
+
+
+class OperatorMLP(nn.Module):
+    """All operators' policy: KEEP, REST or one of the robots that gain most by control."""
+
+    def __init__(self):
+        super().__init__()
+        self.net = perceptron(N_OPERATOR + N_REPORTS * (N_REPORT + 1), 2 + N_REPORTS)
+
+    def forward(self, graphs) -> Tensor:
+        k, r = graphs.legal.shape
+        order = torch.where(graphs.known, graphs.report[..., -1], -2.0).argsort(dim=1, descending=True, stable=True)[:, :N_REPORTS]
+        reports = torch.cat([graphs.report, graphs.known[..., None].float()], dim=2)
+        best = reports.gather(1, order[..., None].expand(-1, -1, reports.shape[2]))
+        out = bounded(self.net(torch.cat([graphs.itself, fit(best, N_REPORTS)], dim=1)))
+        score = torch.full((k, r), LEFT_OUT).scatter(1, order, out[:, 2 : 2 + order.shape[1]])
+        return torch.cat([out[:, :2], score], dim=1)
+
+
+def best_edges(ptr: Tensor, rows: Tensor, edges: Tensor, rank: Tensor, k: int) -> tuple[Tensor, Tensor]:
+    """(features [N, k (F + 1)] of each row's k edges of the highest rank, with a flag; their numbers [N, k], -1: none)."""
+    n = len(ptr) - 1
+    # By row, then by rank: ranks are small numbers.
+    order = (rows.double() * 1e6 - rank.double()).argsort(stable=True)
+    place = torch.arange(len(rows)) - ptr[rows]
+    kept = place < k
+    picked = torch.full((n, k), -1).index_put((rows[kept], place[kept]), order[kept])
+    is_there = (picked >= 0)[..., None]
+    padded = torch.cat([edges, torch.zeros(1, edges.shape[1])])
+    features = padded[picked]  # -1 is the row of zeros
+    return torch.cat([features, is_there.float()], dim=2).flatten(1), picked
+
+
+def fit(rows: Tensor, k: int) -> Tensor:
+    """[N, k F]: the first k of rows [N, n, F], zeros where there are fewer."""
+    n, count, width = rows.shape
+    rows = rows[:, :k]
+    return torch.cat([rows, rows.new_zeros(n, max(0, k - count), width)], dim=1).flatten(1)
+
+
+@method("mappo")
+class MAPPO(nn.Module):
+    """Local actors, central critic."""
+
+    communicates = False
+
+    def __init__(self):
+        super().__init__()
+        self.robot, self.operator = RobotMLP(), OperatorMLP()
+        self.critic, self.scale = Critic(), ReturnScale()
