@@ -12,6 +12,7 @@ import pytest
 import tyro
 
 from commhg_mj import POLICIES, SCENARIOS, Decisions, Observations, cli, load_scenario
+from commhg_mj.learning.registry import METHODS
 from commhg_mj.mission import observe
 from commhg_mj.radio.rules import LINK
 
@@ -79,6 +80,15 @@ def test_the_blocks_of_the_worlds_page_make_one_world(tmp_path, monkeypatch, cap
     assert made["missions"].worlds[0].layout.surfaces.max() > 150
 
 
+def test_the_block_of_the_learning_page_registers_a_method():
+    text = (ROOT / "docs/learning.md").read_text(encoding="utf-8")
+    (code,) = re.findall(r"^```python\n(.*?)^```$", text, re.M | re.S)
+    made = {}
+    exec(code, made)
+    assert METHODS.pop("half-graph") is made["HalfGraph"]
+    assert made["HalfGraph"]().communicates is False
+
+
 def test_a_policy_of_ones_own_takes_less_than_20_lines():
     _, code = blocks("python")
     policy = re.search(r"^def .*?(?=^\S)", code.split("def ", 1)[1].join(["def ", ""]), re.M | re.S)
@@ -117,7 +127,8 @@ def test_every_command_parses(line):
         pytest.fail(f"not a command: {line}")
     assert type(command).__name__.lower() == words[1]
     policies, scenario = getattr(command, "policy", ()), getattr(command, "scenario", "all")
-    assert {policies} <= set(POLICIES) if isinstance(policies, str) else set(policies) <= set(POLICIES)
+    policies = {policies} if isinstance(policies, str) else set(policies)
+    assert all(policy in POLICIES or policy.endswith("/weights.safetensors") for policy in policies)
     assert scenario in (*SCENARIOS, "all") or scenario.endswith(".toml")
 
 
