@@ -105,11 +105,19 @@ def leaves_tangentially(corners, i, x, y):
 def find_visible(frames, corners, x, y, scratch):
     """Corners on which a route from (x, y) can start.
 
-    Fills `scratch.found` and `scratch.distance` (m) and returns their count.
+    Fills `scratch.found` and `scratch.distance` (m) and returns their count. From between an obstacle and the polygon
+    around it no corner may be seen along a tangent: then any that is seen will do.
     """
+    count = find_clear(frames, corners, x, y, True, scratch)
+    return count if count > 0 else find_clear(frames, corners, x, y, False, scratch)
+
+
+@kernel
+def find_clear(frames, corners, x, y, only_tangents, scratch):
+    """The corners that a clear straight leg from (x, y) reaches, all or along tangents; filled in and counted as above."""
     candidates = 0
     for i in range(corners.shape[0]):
-        if leaves_tangentially(corners, i, x, y):
+        if not only_tangents or leaves_tangentially(corners, i, x, y):
             scratch.found[candidates] = i
             scratch.dx[candidates], scratch.dy[candidates] = corners[i, 0] - x, corners[i, 1] - y
             candidates += 1
@@ -234,14 +242,13 @@ class Roadmap:
         return np.isfinite(dijkstra(graph, indices=n)[:n])
 
     def is_reachable(self, xy) -> bool:
-        """Whether ground vehicles can drive to xy, from the root and from wherever else they can."""
+        """Whether a ground vehicle at the root can drive to xy."""
         if inside_any(self.frames, xy):
             return False
-        # A straight leg from the root is not enough: where no corner is seen, as close beside an obstacle, it is the only one.
-        if not self._connected.any():
-            return bool(is_clear(self.frames, self.root[0], self.root[1], xy[0], xy[1]))
-        found, _ = self._visible(xy)
-        return bool(self._connected[found].any())
+        if is_clear(self.frames, self.root[0], self.root[1], xy[0], xy[1]):
+            return True
+        count = find_clear(self.frames, self.corners, xy[0], xy[1], True, self._scratch)
+        return bool(self._connected[self._scratch.found[:count]].any())
 
     def routes_to(self, goals, is_ground) -> Routes:
         """Shortest trees towards every goal [goals, 2]; `is_ground` [goals] marks those on free ground.

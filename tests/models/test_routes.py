@@ -148,8 +148,16 @@ def test_ground_robots_never_drive_into_a_footprint(scenario, seed, restless):
     assert not inside_any(frames, np.stack([log["x"], log["y"]], axis=-1)).any()
 
 
-@pytest.mark.parametrize("name, seed", [*NAMED, ("small", 1001511)])  # the last: a POI seen from the start alone was accepted
+@pytest.mark.parametrize("name, seed", [*NAMED, ("small", 1001511)])  # the last: a POI close to a forest, within its polygon
 def test_every_ground_task_is_reached_from_every_other(name, seed):
     world = make_world(SCENARIOS[name], seed)
     tasks = ground_tasks(world)
     assert np.isfinite(world.routes.between[np.ix_(tasks, tasks)]).all()
+
+
+def test_a_vehicle_between_an_obstacle_and_its_polygon_finds_a_way():
+    """Where a leg passed close to a forest of this world and was given up, no corner lies along a tangent."""
+    world = make_world(SCENARIOS["small"], 1002614)
+    for task in ground_tasks(world):
+        path = world.path(np.array([239.3185272216797, 433.069091796875]), task)
+        assert not crosses(world, path) and np.isfinite(length_of(path))
