@@ -7,7 +7,6 @@
 It prints the mean TWCR on held-out missions of three policies: what was trained, random open choices, and staying.
 """
 
-import itertools
 import warnings
 from dataclasses import dataclass, replace
 
@@ -19,7 +18,7 @@ from pettingzoo import ParallelEnv
 from tensordict.nn import TensorDictModule, TensorDictSequential
 from torch import nn
 from torchrl.collectors import Collector
-from torchrl.envs import ExplorationType, PettingZooWrapper, SerialEnv, set_exploration_type
+from torchrl.envs import ExplorationType, PettingZooWrapper, SerialEnv
 from torchrl.modules import MLP, MaskedCategorical, MultiAgentMLP, ProbabilisticActor
 from torchrl.objectives import ClipPPOLoss
 from torchrl.objectives.value import GAE
@@ -139,11 +138,10 @@ def score(envs, policy) -> str:
     """Mean TWCR of held-out missions, all flown at once, with its standard error."""
     n = envs.num_workers
     seen, twcr = envs.reset(list_of_kwargs=[{"seed": HELD_OUT + i} for i in range(n)]), torch.full([n], torch.nan)
-    with set_exploration_type(ExplorationType.RANDOM):  # sample
-        while twcr.isnan().any():
-            step, seen = envs.step_and_maybe_reset(policy(seen))
-            first = step["next", "done"].squeeze(-1) & twcr.isnan()
-            twcr[first] = step["next", "human", "info", "twcr"][first, 0]
+    while twcr.isnan().any():
+        step, seen = envs.step_and_maybe_reset(policy(seen))
+        first = step["next", "done"].squeeze(-1) & twcr.isnan()
+        twcr[first] = step["next", "human", "info", "twcr"][first, 0]
     return f"TWCR {twcr.mean():.3f} +- {twcr.std(correction=0) / n**0.5:.3f}"
 
 
@@ -165,6 +163,7 @@ def main(args: Args):
             out_keys=[(group, "action")],
             distribution_class=kind,
             distribution_kwargs=kwargs,
+            default_interaction_type=ExplorationType.RANDOM,  # sample, always
             return_log_prob=True,
             log_prob_key=(group, "action_log_prob"),
         )
@@ -173,7 +172,7 @@ def main(args: Args):
         stay.append(TensorDictModule(lambda mask, draw=draw: 0 * draw(mask), [(group, "action_mask")], [(group, "action")]))
     policy = TensorDictSequential(*actors.values())
     critic = TensorDictModule(Critic(), [(group, "observation") for group in actors], ["state_value"])
-    policy(critic(seen))  # sizes the critic's first layer
+    critic(seen)  # sizes its first layer
 
     # One clipped loss a group, over the agents that are there and have something to choose.
     losses = {g: ClipPPOLoss(actor, None, entropy_coeff=args.entropy, functional=False) for g, actor in actors.items()}
@@ -186,7 +185,7 @@ def main(args: Args):
 
     batch = args.environments * args.rollout
     collector = Collector(envs, policy, frames_per_batch=batch, total_frames=args.frames)
-    for update, data in enumerate(collector):
+    for data in collector:
         # Humans never fail, so their reward is the team's; gamma is raised to the seconds of a step.
         data["next", "reward"] = data["next", "human", "reward"][..., 0, :]
         data["steps_to_next_obs"] = data["next", "human", "info", "elapsed"][..., :1]
@@ -196,7 +195,7 @@ def main(args: Args):
             data[group, "chooses"] = data[group, "mask"] & (data[group, "action_mask"].sum(-1) > n_choices)
             data[group, "advantage"] = data["advantage"].unsqueeze(-2).expand(*data[group].shape, 1)
         steps = data.reshape(-1)
-        for _, rows in itertools.product(range(args.epochs), [None]):
+        for _ in range(args.epochs):
             for rows in torch.randperm(len(steps)).split(args.minibatch):
                 part = steps[rows]
                 said = [loss(part) for loss in losses.values()]
@@ -205,9 +204,6 @@ def main(args: Args):
                 (sum(loss["loss_objective"] + loss["loss_entropy"] for loss in said) + error).backward()
                 nn.utils.clip_grad_norm_(parameters, 1.0)
                 optimizer.step()
-        if update % 5 == 0:
-            twcr = data["next", "human", "info", "twcr"][..., 0][data["next", "done"].squeeze(-1)]
-            print(f"frame {(update+1)*batch} return/step {data['next','reward'].mean():.4f} twcr {twcr.mean():.3f} n{len(twcr)} critic {error:.4f} ent {[round(l['entropy'].item(),3) for l in said]} cf {[round(l['clip_fraction'].item(),3) for l in said]}", flush=True)
 
     held_out = make_envs(args.scenario, args.missions)
     for name, who in {"trained": policy, "random": TensorDictSequential(*at_random), "stay": TensorDictSequential(*stay)}.items():

@@ -55,7 +55,8 @@ class Choices:
             wanted, found = (shape, values.shape) if n_missions > 1 else (shape[1:], values.shape[1:])
             raise ValueError(f"action must be whole numbers of shape {wanted}, is {values.dtype} of shape {found}")
         if values.dtype.kind == "f":
-            wrong = ~(np.abs(values) < LARGEST) | (values % 1 != 0)
+            wrong = ~(np.abs(values) < LARGEST)
+            wrong |= np.where(wrong, 0.0, values) % 1 != 0
             if wrong.any():
                 e, k = np.argwhere(wrong)[0]
                 raise ValueError(f"action: {self.names[k]} must be a whole number, is {values[e, k]}")

@@ -47,7 +47,7 @@ class MissionEnv(gymnasium.Env):
 
     def step(self, action):
         """Decide, and advance to the next decision epoch."""
-        self.team.step(np.asarray(action)[None])
+        self.team.step([action])
         return self._observe(), float(self.team.rewards[0]), bool(self.team.over[0]), False, self._inform()
 
     def action_masks(self) -> np.ndarray:

@@ -15,6 +15,7 @@ from .choices import Choices, close_choices, open_choices, read_actions
 from .tables import fill_tables, new_tables
 
 LARGEST_SEED = 2**31
+LONGEST_PERIOD = 86400  # s: the longest mission's limit
 
 
 @kernel
@@ -44,9 +45,10 @@ class Team:
     def __init__(self, scenario, links="abstract", limitation="nominal", period=0, seeds=None, record=False):
         self.scenario: Scenario = load_scenario(scenario)
         radio_rules(self.scenario, links, limitation)
-        limit = self.scenario.time_limit
-        if isinstance(period, bool) or not isinstance(period, Integral) or not 0 <= period <= limit:
-            raise ValueError(f"period must be a whole number of seconds in 0..{limit}, 0 for decision epochs, is {period!r}")
+        if isinstance(period, bool) or not isinstance(period, Integral) or not 0 <= period <= LONGEST_PERIOD:
+            raise ValueError(
+                f"period must be a whole number of seconds in 0..{LONGEST_PERIOD}, 0 for decision epochs, is {period!r}"
+            )
         check_seeds(seeds)
         self.links, self.limitation, self.period, self.seeds, self.record = links, limitation, int(period), seeds, record
         self.choices = Choices(self.scenario)
@@ -118,13 +120,9 @@ def check_seeds(seeds) -> None:
     """ValueError unless missions can be drawn from these seeds."""
     if seeds is None:
         return
-    if (
-        not isinstance(seeds, Sequence | np.ndarray)
-        or isinstance(seeds, str)
-        or (isinstance(seeds, np.ndarray) and seeds.ndim != 1)
-        or not len(seeds)
-    ):
-        raise ValueError(f"seeds must be a list or range of seeds, is {seeds!r}")
+    is_row = seeds.ndim == 1 if isinstance(seeds, np.ndarray) else isinstance(seeds, Sequence) and not isinstance(seeds, str)
+    if not is_row or not len(seeds):
+        raise ValueError(f"seeds must be a list or range of seeds, is {' '.join(repr(seeds).split())}")
     for seed in (seeds[0], seeds[-1]) if isinstance(seeds, range) else seeds:
         try:
             check_seed(seed)

@@ -22,9 +22,26 @@ def run(*arguments) -> str:
 def test_maskable_ppo_of_sb3_contrib(tmp_path):
     pytest.importorskip("sb3_contrib")
     said = run("examples/maskable_ppo.py", "--tiny", "--out", tmp_path / "model.zip")
-    lines = [rf"{who}: TWCR 0\.\d{{3}} \+- 0\.\d{{3}}\n" for who in ("stay", "random", "untrained", "trained")]
-    assert re.fullmatch("".join(lines), said)
+    ways = [f"{when}, {how}" for when in ("untrained", "trained") for how in ("sampled", "likeliest")]
+    lines = [rf"{who}: TWCR 0\.\d{{3}} \+- 0\.\d{{3}}\n" for who in ("stay", "random", *ways)]
+    assert re.fullmatch("".join(lines), said), said
     assert (tmp_path / "model.zip").exists()
+
+
+def test_mappo_of_torchrl():
+    pytest.importorskip("torchrl")
+    said = run("examples/mappo_torchrl.py", "--tiny")
+    found = dict(re.findall(r"^(\w+): TWCR (0\.\d{3}) \+- 0\.\d{3}$", said, re.M))
+    assert {"stay", "random", "trained"} <= set(found), said
+
+
+def test_a_policy_by_hand_beats_doing_nothing_and_is_filmed(tmp_path):
+    pytest.importorskip("moviepy")
+    said = run("examples/own_policy.py", "--tiny", "--video", tmp_path, "--frames", 5)
+    own, nothing = map(float, re.fullmatch(r"own_policy: TWCR (\S+) of .*\nnothing: TWCR (\S+) of .*\n.*\.mp4\n", said).groups())
+    assert own > nothing + 0.2
+    film = cv2.VideoCapture(str(tmp_path / "small-episode-0.mp4"))
+    assert film.read()[1].shape == (360, 640, 3)
 
 
 def test_the_viewers_loop_without_a_window(tmp_path):
@@ -32,3 +49,15 @@ def test_the_viewers_loop_without_a_window(tmp_path):
     assert re.match(r"1 episodes ended, \d+ s into the next; .*viewer\.png: 320x180\n", said)
     picture = cv2.imread(str(tmp_path / "viewer.png"))
     assert picture.shape == (180, 320, 3) and picture.std() > 10
+
+
+def test_a_policy_by_hand():
+    said = run("examples/own_policy.py", "--tiny")
+    assert re.match(r"own_policy: TWCR 0\.\d{3}.*\nnothing: TWCR 0\.\d{3}", said)
+
+
+def test_mappo_of_torchrl(tmp_path):
+    pytest.importorskip("torchrl")
+    (tmp_path / "brief.toml").write_text('base = "small"\nname = "brief"\ntime_limit = 20\n')
+    said = run("examples/mappo_torchrl.py", "--tiny", "--scenario", tmp_path / "brief.toml")
+    assert re.fullmatch("".join(rf"{who}: TWCR 0\.\d{{3}} \+- 0\.\d{{3}}\n" for who in ("trained", "random", "stay")), said)

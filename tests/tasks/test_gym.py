@@ -261,7 +261,6 @@ def test_a_camera_that_follows():
         assert env.render().std() > 5
 
 
-@pytest.mark.xfail(strict=True, reason="LiveFilm keeps its OpenGL context in copies")
 def test_an_environment_that_has_rendered_can_be_copied():
     with closing(MissionEnv(BRIEF, **SMALL_PICTURE)) as env:
         env.reset(seed=1)

@@ -243,14 +243,12 @@ def test_a_copy_stands_where_the_original_does(copy_of):
     assert not np.array_equal(other.robot_positions(), physics.robot_positions()), "nothing is shared"
 
 
-@pytest.mark.xfail(strict=True, reason="Physics.__setstate__ turns the robots that its `place_robots` moves to their starts")
 @pytest.mark.parametrize("copy_of", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))], ids=["deepcopy", "pickle"])
 def test_a_copy_looks_where_the_original_does(copy_of):
     env = underway()
     np.testing.assert_array_equal(copy_of(env).physics.data.mocap_quat, env.physics.data.mocap_quat)
 
 
-@pytest.mark.xfail(strict=True, reason="Physics.copy of dm_control makes one without a world")
 def test_dm_controls_own_copy_answers_questions():
     physics = underway().physics
     other = physics.copy()

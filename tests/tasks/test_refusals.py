@@ -21,7 +21,6 @@ def make(scenario, **options):
 
 MAKERS = {"dm_control": make, "gymnasium": MissionEnv, "vector": MissionVectorEnv, "pettingzoo": parallel_env}
 every_interface = pytest.mark.parametrize("interface", MAKERS)
-xfail = lambda reason: pytest.mark.xfail(strict=True, reason=reason)
 
 
 @every_interface
@@ -43,20 +42,20 @@ xfail = lambda reason: pytest.mark.xfail(strict=True, reason=reason)
         ({"period": "1"}, "period must be a whole number of seconds"),
         ({"period": None}, "period must be a whole number of seconds"),
         ({"period": np.nan}, "period must be a whole number of seconds"),
-        pytest.param({"period": 2**70}, "period", marks=xfail("OverflowError, and only in the first step")),
+        pytest.param({"period": 2**70}, "period"),
         ({"seeds": 5}, "seeds must be a list or range"),
         ({"seeds": []}, "seeds must be a list or range"),
         ({"seeds": range(0)}, "seeds must be a list or range"),
         ({"seeds": "123"}, "seeds must be a list or range"),
         ({"seeds": {1, 2}}, "seeds must be a list or range"),
-        ({"seeds": iter([1])}, "seeds must be a list or range"),
+        pytest.param({"seeds": iter([1])}, "seeds must be a list or range", id="iterator"),
         ({"seeds": [-1]}, "seeds? must be"),
         ({"seeds": [1.0]}, "seeds? must be"),
         ({"seeds": ["one"]}, "seeds? must be"),
         ({"seeds": [2**63]}, "seeds? must be"),
         ({"seeds": [True]}, "seeds? must be"),
         ({"seeds": np.zeros((2, 2), int)}, "seeds? must be"),
-        pytest.param({"seeds": np.array(3)}, "seeds", marks=xfail("TypeError: len() of unsized object")),
+        pytest.param({"seeds": np.array(3)}, "seeds"),
     ],
     ids=str,
 )
@@ -88,7 +87,7 @@ def test_unknown_options_are_refused_and_never_ignored(interface):
         ({"camera": "above"}, "unknown camera 'above'"),
         ({"camera": "follow:uav9"}, "no robot 'uav9'"),
         ({"camera": ""}, "unknown camera ''"),
-        pytest.param({"camera": None}, "camera", marks=xfail("AttributeError")),
+        pytest.param({"camera": None}, "camera"),
         ({"size": (321, 180)}, "size must be two even numbers"),
         ({"size": (320,)}, "size must be two even numbers"),
         ({"size": (320, 180, 3)}, "size must be two even numbers"),
@@ -96,8 +95,8 @@ def test_unknown_options_are_refused_and_never_ignored(interface):
         ({"size": (320.0, 180)}, "size must be two even numbers"),
         ({"size": (-320, 180)}, "size must be two even numbers"),
         ({"size": "ab"}, "size must be two even numbers"),
-        pytest.param({"size": 320}, "size", marks=xfail("TypeError")),
-        pytest.param({"size": None}, "size", marks=xfail("TypeError")),
+        pytest.param({"size": 320}, "size"),
+        pytest.param({"size": None}, "size"),
     ],
     ids=str,
 )
@@ -112,7 +111,6 @@ def test_impossible_numbers_of_missions(n):
         MissionVectorEnv(n, BRIEF)
 
 
-@xfail("isinstance(num_envs, int); make_vec takes every Integral")
 def test_numbers_of_missions_may_be_numpys():
     assert MissionVectorEnv(np.int64(2), BRIEF).num_envs == 2
 
@@ -130,7 +128,7 @@ def test_impossible_seeds_of_a_reset(interface, seed):
 
 @pytest.mark.parametrize("seed", [[1], [1, 2, 3], np.zeros((2, 2), int)], ids=str)
 def test_as_many_seeds_as_missions(seed):
-    with pytest.raises((ValueError, TypeError), match="seed must be one number or 2|scalar"):
+    with pytest.raises((ValueError, TypeError), match="seed must be one number or 2|seed must be a whole number"):
         MissionVectorEnv(2, BRIEF).reset(seed=seed)
 
 
@@ -146,7 +144,7 @@ def test_unknown_tasks(task):
         tasks.load("surveillance", task)
 
 
-@pytest.mark.parametrize("gamma", [-0.1, 1.1, np.nan, np.inf, pytest.param("much", marks=xfail("TypeError of a comparison"))])
+@pytest.mark.parametrize("gamma", [-0.1, 1.1, np.nan, np.inf, pytest.param("much")])
 def test_impossible_discounts(gamma):
     with pytest.raises(ValueError, match="gamma must lie in 0..1"):
         make(BRIEF, environment_kwargs={"gamma": gamma})
@@ -161,12 +159,12 @@ def test_unknown_keywords_of_load(kwargs):
 @pytest.mark.parametrize(
     "random",
     [
-        pytest.param(-1, marks=xfail("numpy's message names nothing")),
+        pytest.param(-1),
         True,
         2**63,
-        pytest.param(1.5, marks=xfail("numpy's TypeError")),
-        pytest.param("one", marks=xfail("numpy's TypeError")),
-        pytest.param([1, 2], marks=xfail("TypeError: unhashable")),
+        pytest.param(1.5),
+        pytest.param("one"),
+        pytest.param([1, 2]),
     ],
     ids=str,
 )
@@ -192,8 +190,6 @@ def wrong(k, value, dtype=float):
     return action
 
 
-UNNAMED = xfail("the message names no choice")
-CAST = xfail("a RuntimeWarning of numpy's cast")
 ACTIONS = [
     (wrong(0, -1), "uav0 task must lie in 0..23, is -1"),
     (wrong(0, 24), "uav0 task must lie in 0..23, is 24"),
@@ -201,7 +197,7 @@ ACTIONS = [
     (wrong(8, 4), "ugv0 message must lie in 0..3, is 4"),
     (wrong(13, 6, np.int8), "operator1 robot must lie in 0..5, is 6"),
     (wrong(13, -(2**62), np.int64), "operator1 robot must lie in 0..5"),
-    (wrong(12, 1e18), "operator0 robot must lie in 0..5"),
+    (wrong(12, 1e18), "operator0 robot must be a whole number"),
     ([0] * 13, "shape"),
     ([0] * 15, "shape"),
     ([[0] * 14], "shape"),
@@ -214,13 +210,13 @@ ACTIONS = [
     ([None] * 14, "whole numbers"),
     (wrong(3, True, bool), "whole numbers"),
     (wrong(3, 1j, complex), "whole numbers"),
-    (wrong(3, 0.5), "whole numbers"),
-    (wrong(3, 2**63 + 5, np.uint64), "whole numbers"),
-    pytest.param(wrong(3, 0.5), "uav1 task", marks=UNNAMED),
-    pytest.param(wrong(3, np.nan), "whole numbers", marks=CAST),
-    pytest.param(wrong(3, -np.inf), "whole numbers", marks=CAST),
-    pytest.param(wrong(3, 1e300), "whole numbers|must lie in", marks=CAST),
-    pytest.param([[0, 1], [0]], "action", marks=xfail("numpy's message names nothing")),
+    (wrong(3, 0.5), "whole number"),
+    (wrong(3, 2**63 + 5, np.uint64), "uav1 task must lie in"),
+    pytest.param(wrong(3, 0.5), "uav1 task"),
+    pytest.param(wrong(3, np.nan), "whole number"),
+    pytest.param(wrong(3, -np.inf), "whole number"),
+    pytest.param(wrong(3, 1e300), "whole number"),
+    pytest.param([[0, 1], [0]], "action"),
 ]
 
 
@@ -244,7 +240,6 @@ def test_impossible_actions_change_nothing(interface, action, said):
     np.testing.assert_equal([getattr(team, name) for name in names], kept)
 
 
-@xfail("read_actions has counted before it finds the impossible number")
 def test_a_refused_action_does_not_count_as_replaced():
     team = Team(BRIEF)
     team.begin([1])
@@ -274,7 +269,6 @@ def test_the_callers_action_is_left_alone():
 
 
 @pytest.mark.parametrize("interface", ["gymnasium", "vector", "pettingzoo"])
-@xfail("AttributeError: 'Team' object has no attribute 'batch'")
 def test_a_step_before_the_first_reset_says_so(interface):
     env = MAKERS[interface](scenario=BRIEF)
     with pytest.raises(Exception, match="reset"):

@@ -71,7 +71,6 @@ def flight(request):
     return env, list(fly(env, Dice(env.task.team.scenario, stays=0.98), episodes=2, most_steps=300))
 
 
-@pytest.mark.xfail(strict=True, reason="the assets' geoms have no names")
 @every_task
 def test_components_have_names(domain, task):
     env = load(domain, task, pictures=True)

@@ -49,7 +49,8 @@ class OperatorMLP(nn.Module):
 
     def forward(self, graphs) -> Tensor:
         k, r = graphs.legal.shape
-        order = torch.where(graphs.known, graphs.report[..., -1], -2.0).argsort(dim=1, descending=True, stable=True)[:, :N_REPORTS]
+        gain = torch.where(graphs.known, graphs.report[..., -1], -2.0)
+        order = gain.argsort(dim=1, descending=True, stable=True)[:, :N_REPORTS]
         reports = torch.cat([graphs.report, graphs.known[..., None].float()], dim=2)
         best = reports.gather(1, order[..., None].expand(-1, -1, reports.shape[2]))
         out = bounded(self.net(torch.cat([graphs.itself, fit(best, N_REPORTS)], dim=1)))
