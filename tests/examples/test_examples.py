@@ -28,13 +28,6 @@ def test_maskable_ppo_of_sb3_contrib(tmp_path):
     assert (tmp_path / "model.zip").exists()
 
 
-def test_mappo_of_torchrl():
-    pytest.importorskip("torchrl")
-    said = run("examples/mappo_torchrl.py", "--tiny")
-    found = dict(re.findall(r"^(\w+): TWCR (0\.\d{3}) \+- 0\.\d{3}$", said, re.M))
-    assert {"stay", "random", "trained"} <= set(found), said
-
-
 def test_a_policy_by_hand_beats_doing_nothing_and_is_filmed(tmp_path):
     pytest.importorskip("moviepy")
     said = run("examples/own_policy.py", "--tiny", "--video", tmp_path, "--frames", 5)
@@ -49,11 +42,6 @@ def test_the_viewers_loop_without_a_window(tmp_path):
     assert re.match(r"1 episodes ended, \d+ s into the next; .*viewer\.png: 320x180\n", said)
     picture = cv2.imread(str(tmp_path / "viewer.png"))
     assert picture.shape == (180, 320, 3) and picture.std() > 10
-
-
-def test_a_policy_by_hand():
-    said = run("examples/own_policy.py", "--tiny")
-    assert re.match(r"own_policy: TWCR 0\.\d{3}.*\nnothing: TWCR 0\.\d{3}", said)
 
 
 def test_mappo_of_torchrl(tmp_path):
