@@ -58,7 +58,7 @@ def test_tables_masks_and_choices_are_what_observations_say(scenario, seed, obey
         np.testing.assert_array_equal(team.mask, ledger.mask)
         np.testing.assert_array_equal(team.due, ledger.due)
         actions = dice.open(team.mask) if obeys else dice.any((2,))
-        masked = np.sum(~open_everywhere(team.mask, actions, scenario), axis=1)
+        masked = np.where(team.over, 0, np.sum(~open_everywhere(team.mask, actions, scenario), axis=1))
         decisions = decisions_of(batch.observations, actions)
         team.step(actions)
         ledger.note(batch.step(decisions))

@@ -49,8 +49,8 @@ def nested(one, two):
 def test_pettingzoos_checker_has_nothing_to_say(scenario):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        parallel_api_test(parallel_env(scenario), num_cycles=40)
-        parallel_api_test(parallel_env(scenario, period=60), num_cycles=100)
+        parallel_api_test(parallel_env(scenario), num_cycles=20)
+        parallel_api_test(parallel_env(scenario, period=60), num_cycles=40)
 
 
 @odd_scenarios
@@ -188,6 +188,7 @@ def test_numbers_of_every_kind_are_actions_of_robots(action):
     assert nested(env.step({"uav_0": action}), other.step({"uav_0": np.array([4, 1, 0])}))
 
 
+RAGGED = pytest.mark.xfail(strict=True, reason="numpy's message names nobody", raises=AssertionError)
 
 
 @pytest.mark.parametrize(
@@ -202,12 +203,12 @@ def test_numbers_of_every_kind_are_actions_of_robots(action):
         ("uav_0", [], "action of uav_0 "),
         ("uav_0", "left", "action of uav_0 "),
         ("uav_0", {"task": 1}, "action of uav_0 "),
-        pytest.param("uav_0", 0, "uav_0"),
-        pytest.param("uav_0", [0], "uav_0"),
-        pytest.param("uav_0", "0", "uav_0"),
-        pytest.param("uav_0", ["0", "0", "0"], "uav_0"),
-        pytest.param("human_0", "0", "human_0"),
-        pytest.param("uav_0", [True, False, False], "uav_0"),
+        ("uav_0", 0, "action of uav_0 "),
+        ("uav_0", [0], "action of uav_0 "),
+        ("uav_0", "0", "action of uav_0 "),
+        ("uav_0", ["0", "0", "0"], "action of uav_0 "),
+        ("human_0", "0", "action of human_0 "),
+        ("uav_0", [True, False, False], "action of uav_0 "),
         ("human_0", [0, 0], "action of human_0 "),
         ("human_1", [], "action of human_1 "),
         ("ugv_1", [-1, 0, 0], "ugv.?1 task must lie in 0..23"),
@@ -216,11 +217,13 @@ def test_numbers_of_every_kind_are_actions_of_robots(action):
         ("ugv_1", [0, 0, 4], "ugv.?1 message must lie in 0..3"),
         ("human_1", 6, "1 robot must lie in 0..5"),
         ("human_1", -1, "1 robot must lie in 0..5"),
-        pytest.param("ugv_0", [0.5, 0, 0], "ugv.?0"),
-        pytest.param("human_0", 0.5, "human_0|operator0"),
-        pytest.param("ugv_0", [np.nan, 0, 0], "ugv.?0"),
-        pytest.param("human_0", np.inf, "human_0|operator0"),
-        pytest.param("human_0", None, "human_0|operator0"),
+        ("ugv_0", [0.5, 0, 0], "ugv.?0"),
+        ("human_0", 0.5, "human_0|operator0"),
+        ("ugv_0", [np.nan, 0, 0], "ugv.?0"),
+        ("human_0", np.inf, "human_0|operator0"),
+        ("human_0", None, "human_0|operator0"),
+        pytest.param("uav_0", [0, [1, 2], 0], "uav_0", marks=RAGGED),
+        pytest.param("human_0", [[0], [1, 2]], "human_0", marks=RAGGED),
     ],
 )
 def test_impossible_actions_are_refused_by_name_and_change_nothing(agent, action, said):

@@ -21,6 +21,11 @@ def make(scenario, **options):
 
 MAKERS = {"dm_control": make, "gymnasium": MissionEnv, "vector": MissionVectorEnv, "pettingzoo": parallel_env}
 every_interface = pytest.mark.parametrize("interface", MAKERS)
+PERIOD = "period must be a whole number of seconds in 0..86400"
+
+
+def still(reason, raises=None):
+    return pytest.mark.xfail(strict=True, reason=reason, raises=raises)
 
 
 @every_interface
@@ -36,13 +41,13 @@ every_interface = pytest.mark.parametrize("interface", MAKERS)
         ({"links": 2}, "unknown link model 2"),
         ({"limitation": "total"}, "unknown limitation 'total'"),
         ({"limitation": None}, "unknown limitation None"),
-        ({"period": -1}, "period must be a whole number of seconds"),
-        ({"period": 1.0}, "period must be a whole number of seconds"),
-        ({"period": True}, "period must be a whole number of seconds"),
-        ({"period": "1"}, "period must be a whole number of seconds"),
-        ({"period": None}, "period must be a whole number of seconds"),
-        ({"period": np.nan}, "period must be a whole number of seconds"),
-        pytest.param({"period": 2**70}, "period"),
+        ({"period": -1}, PERIOD),
+        ({"period": 1.0}, PERIOD),
+        ({"period": True}, PERIOD),
+        ({"period": "1"}, PERIOD),
+        ({"period": None}, PERIOD),
+        ({"period": np.nan}, PERIOD),
+        ({"period": 2**70}, PERIOD),
         ({"seeds": 5}, "seeds must be a list or range"),
         ({"seeds": []}, "seeds must be a list or range"),
         ({"seeds": range(0)}, "seeds must be a list or range"),
@@ -55,7 +60,7 @@ every_interface = pytest.mark.parametrize("interface", MAKERS)
         ({"seeds": [2**63]}, "seeds? must be"),
         ({"seeds": [True]}, "seeds? must be"),
         ({"seeds": np.zeros((2, 2), int)}, "seeds? must be"),
-        pytest.param({"seeds": np.array(3)}, "seeds"),
+        ({"seeds": np.array(3)}, "seeds must be a list or range"),
     ],
     ids=str,
 )
@@ -87,7 +92,7 @@ def test_unknown_options_are_refused_and_never_ignored(interface):
         ({"camera": "above"}, "unknown camera 'above'"),
         ({"camera": "follow:uav9"}, "no robot 'uav9'"),
         ({"camera": ""}, "unknown camera ''"),
-        pytest.param({"camera": None}, "camera"),
+        ({"camera": None}, "unknown camera"),
         ({"size": (321, 180)}, "size must be two even numbers"),
         ({"size": (320,)}, "size must be two even numbers"),
         ({"size": (320, 180, 3)}, "size must be two even numbers"),
@@ -95,8 +100,8 @@ def test_unknown_options_are_refused_and_never_ignored(interface):
         ({"size": (320.0, 180)}, "size must be two even numbers"),
         ({"size": (-320, 180)}, "size must be two even numbers"),
         ({"size": "ab"}, "size must be two even numbers"),
-        pytest.param({"size": 320}, "size"),
-        pytest.param({"size": None}, "size"),
+        ({"size": 320}, "size must be two even numbers"),
+        ({"size": None}, "size must be two even numbers"),
     ],
     ids=str,
 )
@@ -144,7 +149,7 @@ def test_unknown_tasks(task):
         tasks.load("surveillance", task)
 
 
-@pytest.mark.parametrize("gamma", [-0.1, 1.1, np.nan, np.inf, pytest.param("much")])
+@pytest.mark.parametrize("gamma", [-0.1, 1.1, np.nan, np.inf, "much"])
 def test_impossible_discounts(gamma):
     with pytest.raises(ValueError, match="gamma must lie in 0..1"):
         make(BRIEF, environment_kwargs={"gamma": gamma})
@@ -158,14 +163,7 @@ def test_unknown_keywords_of_load(kwargs):
 
 @pytest.mark.parametrize(
     "random",
-    [
-        pytest.param(-1),
-        True,
-        2**63,
-        pytest.param(1.5),
-        pytest.param("one"),
-        pytest.param([1, 2]),
-    ],
+    [-1, True, 2**63, 1.5, "one", [1, 2]],
     ids=str,
 )
 def test_impossible_seeds_of_a_task(random):
@@ -210,27 +208,29 @@ ACTIONS = [
     ([None] * 14, "whole numbers"),
     (wrong(3, True, bool), "whole numbers"),
     (wrong(3, 1j, complex), "whole numbers"),
-    (wrong(3, 0.5), "whole number"),
     (wrong(3, 2**63 + 5, np.uint64), "uav1 task must lie in"),
-    pytest.param(wrong(3, 0.5), "uav1 task"),
-    pytest.param(wrong(3, np.nan), "whole number"),
-    pytest.param(wrong(3, -np.inf), "whole number"),
-    pytest.param(wrong(3, 1e300), "whole number"),
-    pytest.param([[0, 1], [0]], "action"),
+    (wrong(3, 0.5), "uav1 task must be a whole number, is 0.5"),
+    (wrong(3, np.nan), "uav1 task must be a whole number"),
+    (wrong(3, -np.inf), "uav1 task must be a whole number"),
+    (wrong(3, 1e300), "uav1 task must be a whole number"),
+    ([[0, 1], [0]], "action must be whole numbers"),
 ]
 
 
-@pytest.mark.parametrize("interface", ["dm_control", "gymnasium", "vector"])
+@pytest.fixture(scope="module", params=["dm_control", "gymnasium", "vector"])
+def underway(request):
+    """(interface, environment within a mission), which no refusal may change."""
+    env = MAKERS[request.param](scenario=BRIEF)
+    env.reset(seed=1), env.step(np.zeros((1, 14) if request.param == "vector" else 14, int))
+    return request.param, env
+
+
 @pytest.mark.parametrize("action, said", ACTIONS)
-def test_impossible_actions_change_nothing(interface, action, said):
-    env = MAKERS[interface](scenario=BRIEF)
-    if interface == "dm_control":
-        env.reset(seed=1), env.step(np.zeros(14))
-    else:
-        env.reset(seed=1)
+def test_impossible_actions_change_nothing(underway, action, said):
+    interface, env = underway
     action = [action] if interface == "vector" else action
     team = env.task.team if interface == "dm_control" else env.team
-    names = ("tables", "mask", "due", "time", "elapsed", "rewards")
+    names = ("tables", "mask", "due", "time", "elapsed", "rewards", "replaced")
     before, kept = fingerprint(team.batch.state), copy.deepcopy([getattr(team, name) for name in names])
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -250,13 +250,22 @@ def test_a_refused_action_does_not_count_as_replaced():
     assert team.replaced.tolist() == [0]
 
 
-@pytest.mark.parametrize("dtype", [np.int8, np.uint8, np.int32, np.int64, np.uint64, np.float16, np.float64])
+@pytest.mark.parametrize(
+    "dtype",
+    [
+        *(np.int8, np.uint8, np.int32, np.int64, np.uint64, np.float32, np.float64),
+        pytest.param(np.float16, marks=still("LARGEST is no float16", RuntimeWarning)),
+    ],
+)
 def test_whole_numbers_of_every_type_are_actions(dtype):
     env, other, dice = MissionEnv(BRIEF), MissionEnv(BRIEF), Dice(BRIEF)
     env.reset(seed=1), other.reset(seed=1)
     for _ in range(5):
         action = dice.any()
-        np.testing.assert_equal(env.step(action.astype(dtype)), other.step(action.tolist()))
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            step = env.step(action.astype(dtype))
+        np.testing.assert_equal(step, other.step(action.tolist()))
 
 
 def test_the_callers_action_is_left_alone():
@@ -273,3 +282,40 @@ def test_a_step_before_the_first_reset_says_so(interface):
     env = MAKERS[interface](scenario=BRIEF)
     with pytest.raises(Exception, match="reset"):
         env.step({} if interface == "pettingzoo" else np.zeros((1, 14) if interface == "vector" else 14, int))
+
+
+@still("of one mission, the message leaves the first dimension out", AssertionError)
+@pytest.mark.parametrize("shape", [(14,), (2, 14)])
+def test_a_refusal_says_which_shape_it_was(shape):
+    env = MissionVectorEnv(1, BRIEF)
+    env.reset(seed=1)
+    with pytest.raises(ValueError, match=re.escape(f"of shape {shape}") + "$"):
+        env.step(np.zeros(shape, int))
+
+
+@still("it is explained after its conversion to int64", AssertionError)
+def test_a_refusal_says_which_number_it_was():
+    env = MissionEnv(BRIEF)
+    env.reset(seed=1)
+    with pytest.raises(ValueError, match=f"uav1 task must lie in 0..23, is {2**63 + 5}"):
+        env.step(wrong(3, 2**63 + 5, np.uint64))
+
+
+@still("check_size asks for int, not Integral", ValueError)
+@pytest.mark.parametrize("size", [np.array([320, 180]), (np.int64(320), np.int64(180))], ids=["array", "tuple"])
+def test_sizes_may_be_numpys(size):
+    MissionEnv(BRIEF, render_mode="rgb_array", size=size)
+
+
+@still("AttributeError of a team without a mission", AttributeError)
+@pytest.mark.parametrize("interface", ["gymnasium", "pettingzoo"])
+def test_a_picture_before_the_first_reset_says_so(interface):
+    env = MAKERS[interface](scenario=BRIEF, render_mode="rgb_array")
+    with pytest.raises(ValueError, match="reset"):
+        env.render()
+
+
+@still("AttributeError of a team without a mission", AttributeError)
+def test_masks_before_the_first_reset_say_so():
+    with pytest.raises(ValueError, match="reset"):
+        MissionEnv(BRIEF).action_masks()
