@@ -49,7 +49,7 @@ class Pilot:
           public: [worlds, T, N_PUBLIC]; `seen`'s missions are its rows.
         """
         robots, operators = self.builder.robots(seen), self.builder.operators(seen)
-        choices = RobotChoices(*(np.zeros(0, int) for _ in range(4)))
+        choices = RobotChoices(*(np.zeros(0, kind) for kind in (int, bool, int, bool)))
         if len(robots.itself):
             logits = self.method.robot(
                 robot_batch(robots, public.shape[1]), torch.from_numpy(public.reshape(-1, public.shape[2]))
@@ -112,7 +112,7 @@ class Collector:
     def collect(self, n_decisions: int, critic, scale, gamma, lam, teacher=None) -> Experience:
         """At least so many robot decisions; a `teacher` policy may make them, whose choices are then remembered."""
         steps, batch = [], self.batch
-        worlds, world_of = [self.public], np.arange(len(batch.seeds))
+        worlds, world_of = [self.public.copy()], np.arange(len(batch.seeds))  # a restart overwrites `public`
         n = 0
         while n < n_decisions:
             seen, time = batch.observations, batch.time

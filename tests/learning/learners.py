@@ -27,13 +27,13 @@ from commhg_mj.scenarios import SCENARIOS
 torch.set_num_threads(1)
 find_method("commhg")  # fills the registry
 NAMES = sorted(METHODS)
-SHORT = change(SCENARIOS["small"], time_limit=60)
-QUICK = Hyper(decisions=120, minibatches=2, epochs=2)
+SHORT = change(SCENARIOS["small"], time_limit=40, n_tasks=10, forest_share=0.0, mountain_share=0.0)
+QUICK = Hyper(decisions=160, minibatches=2, epochs=1)
 
 
 def run(folder, method="commhg", scenario=SHORT, hyper=QUICK, **options):
-    """A tiny training; missions end within three updates."""
-    options = {"side_by_side": 3, "missions": 1000, "clone_updates": 1, **options}
+    """A tiny training; missions end within two updates."""
+    options = {"side_by_side": 6, "missions": 1000, "clone_updates": 1, **options}
     return Training(Plan(method, scenario, hyper=hyper, **options), folder)
 
 
