@@ -162,7 +162,7 @@ def collected(tmp_path, method, decisions, teacher=None):
 
 
 @pytest.mark.parametrize("method, decisions", [
-    *((method, 40) for method in NAMES), *(pytest.param(m, 300, marks=() if m == "commhg" else ()) for m in NAMES),
+    *((method, 40) for method in NAMES), *((method, 300) for method in NAMES),
 ])  # fmt: skip
 def test_old_likelihoods_are_those_of_the_rollout(tmp_path, method, decisions):
     training, data, then = collected(tmp_path, method, decisions)
