@@ -164,3 +164,12 @@ def differences(one, other):
 def copied(arrays):
     """A deep copy of a named tuple of arrays."""
     return type(arrays)(*(array.copy() for array in arrays))
+
+
+def history(batch):
+    """The state, but for where its arrays lie and what its link model reads."""
+    state = copied(batch.state)
+    for name in (*ELSEWHERE, "n_canopies", "n_mountains"):
+        state.missions[name] = 0
+    state.missions["rules"]["radio"] = 0
+    return state

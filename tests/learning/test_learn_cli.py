@@ -8,7 +8,6 @@ import pytest
 import torch
 from learners import NAMES, QUICK
 
-from commhg_mj.cli import main
 from commhg_mj.learning import ppo, train
 from commhg_mj.policies import POLICIES, ensure_compiled
 
@@ -32,24 +31,11 @@ def tiny(tmp_path):
 
 
 @pytest.fixture
-def call(capsys, tmp_path, monkeypatch):
-    """Run a command in an empty folder: (exit code, standard output, standard error)."""
-    monkeypatch.chdir(tmp_path)
-
-    def call(*arguments):
-        capsys.readouterr()
-        code = main([str(argument) for argument in arguments])
-        return code, *capsys.readouterr()
-
-    return call
-
-
-@pytest.fixture
-def refused(call):
+def refused(run):
     """Run a command that must be refused; returns its one line."""
 
     def refused(*arguments):
-        code, out, err = call(*arguments)
+        code, out, err = run(*arguments)
         assert (code, out) == (2, "")
         assert err.startswith("commhg-mj: ") and err.count("\n") == 1, err
         return err
@@ -63,12 +49,12 @@ def options(tiny, out, **more):
 
 
 @pytest.mark.parametrize("method", NAMES)
-def test_train_then_evaluate(call, tiny, tmp_path, method):
-    code, out, err = call("train", *options(tiny, "r", method=method, missions=4))
+def test_train_then_evaluate(run, tiny, tmp_path, method):
+    code, out, err = run("train", *options(tiny, "r", method=method, missions=4))
     assert code == 0 and "weights.safetensors after" in out and "update    1" in err and "TWCR" in err
     assert sorted(path.name for path in (tmp_path / "r").iterdir()) == ["log.csv", "state.pt", "weights.safetensors"]
     weights = "r/weights.safetensors"
-    code, out, err = call(
+    code, out, err = run(
         "evaluate", "--policy", "greedy", weights, "--scenario", tiny, "--missions", 4, "--workers", 1, "--out", "e.json"
     )  # fmt: skip
     assert code == 0 and "held-out" in out and "minus greedy" in out
@@ -78,7 +64,7 @@ def test_train_then_evaluate(call, tiny, tmp_path, method):
     assert all(np.isfinite(column).all() for column in stored["twcr"].values())
 
 
-def test_resume_goes_on_where_an_interrupted_run_stood(call, tiny, tmp_path, monkeypatch):
+def test_resume_goes_on_where_an_interrupted_run_stood(run, tiny, tmp_path, monkeypatch):
     update = train.Training.update
 
     def interrupt(training):
@@ -87,11 +73,11 @@ def test_resume_goes_on_where_an_interrupted_run_stood(call, tiny, tmp_path, mon
         return update(training)
 
     monkeypatch.setattr(train.Training, "update", interrupt)
-    assert call("train", *options(tiny, "r"))[0] == 130
+    assert run("train", *options(tiny, "r"))[0] == 130
     monkeypatch.setattr(train.Training, "update", update)
     assert train.Training.resume(tmp_path / "r").updates == 2
-    assert call("train", "--out", "r", "--resume")[0] == 0
-    assert call("train", *options(tiny, "whole"))[0] == 0
+    assert run("train", "--out", "r", "--resume")[0] == 0
+    assert run("train", *options(tiny, "whole"))[0] == 0
     one, other = (torch.load(tmp_path / name / "state.pt", weights_only=True) for name in ("r", "whole"))
     assert all(torch.equal(one["method"][key], other["method"][key]) for key in one["method"])
     assert one["counts"][:2] == other["counts"][:2] and one["counts"][0] > 2
@@ -99,17 +85,17 @@ def test_resume_goes_on_where_an_interrupted_run_stood(call, tiny, tmp_path, mon
     assert updates == ["update", *map(str, range(1, one["counts"][0] + 1))]
     # A run that is done stays as it is.
     before = (tmp_path / "r" / "state.pt").read_bytes()
-    assert call("train", "--out", "r", "--resume")[0] == 0
+    assert run("train", "--out", "r", "--resume")[0] == 0
     assert (tmp_path / "r" / "state.pt").read_bytes() == before
 
 
-def test_minutes_stop_a_run_early(call, tiny, tmp_path):
-    assert call("train", *options(tiny, "r", minutes=0.0001, missions=10**6))[0] == 0
+def test_minutes_stop_a_run_early(run, tiny, tmp_path):
+    assert run("train", *options(tiny, "r", minutes=0.0001, missions=10**6))[0] == 0
     assert train.Training.resume(tmp_path / "r").updates == 1
 
 
-def test_a_run_is_not_overwritten(call, refused, tiny, tmp_path):
-    assert call("train", *options(tiny, "r", missions=1))[0] == 0
+def test_a_run_is_not_overwritten(run, refused, tiny, tmp_path):
+    assert run("train", *options(tiny, "r", missions=1))[0] == 0
     before = (tmp_path / "r" / "state.pt").read_bytes()
     assert "--resume" in refused("train", *options(tiny, "r"))
     assert (tmp_path / "r" / "state.pt").read_bytes() == before

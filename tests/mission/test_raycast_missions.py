@@ -7,7 +7,7 @@ import warnings
 
 import numpy as np
 import pytest
-from flying import ELSEWHERE, copied, differences, fingerprint, fly
+from flying import differences, fingerprint, fly, history
 from strategies import change
 
 from commhg_mj.mission.batch import MissionBatch
@@ -30,15 +30,6 @@ COMMUNICATING = [name for name, info in POLICIES.items() if not info.is_privileg
 def end(scenario, seeds, links, policy="random", limitation="nominal"):
     """A batch after its mission."""
     return fly(*prepare(policy, scenario, seeds, links=links, limitation=limitation))
-
-
-def history(batch):
-    """The state, but for where its arrays lie and what its link model reads."""
-    state = copied(batch.state)
-    for name in (*ELSEWHERE, "n_canopies", "n_mountains"):
-        state.missions[name] = 0
-    state.missions["rules"]["radio"] = 0
-    return state
 
 
 def bare(scenario):

@@ -11,7 +11,7 @@ from pathlib import Path
 import numba
 import numpy as np
 import pytest
-from flying import ELSEWHERE, Wanderer, copied, differences, fingerprint, flown, fly
+from flying import Wanderer, copied, differences, fingerprint, flown, fly, history
 from strategies import change
 
 import commhg_mj
@@ -63,15 +63,6 @@ link_model("test-fresh")(lambda a, b, size, link: np.isnan(link.on_time) and np.
 def clear(a, b, size, link):
     is_free = link.forest == 0.0 and link.mountain == 0.0 and link.is_blocked == 0.0 and link.nu == -np.inf
     return is_free and link.foliage == 0.0 and link.diffraction == 0.0 and link.snr > 50.0 and link.passing == 1.0
-
-
-def history(batch):
-    """The state, but for where its arrays lie and what its link model reads."""
-    state = copied(batch.state)
-    for name in (*ELSEWHERE, "n_canopies", "n_mountains"):
-        state.missions[name] = 0
-    state.missions["rules"]["radio"] = 0
-    return state
 
 
 def some_links(seed, n=400):
