@@ -61,6 +61,8 @@ class Train:
         self._run(training)
 
     def _run(self, training):
+        from ..learning.train import WEIGHTS
+
         limit = float("inf") if self.minutes is None else 60.0 * self.minutes
         while not training.is_done and training.cpu_seconds < limit:
             row = training.update()
@@ -70,7 +72,7 @@ class Train:
                 f"update {row['update']:4d}  missions {row['missions']:5d}/{training.plan.missions}  TWCR {row['twcr']:.3f}  "
                 f"KL {row['kl']:.4f}  entropy {row['entropy']:.3f}  {row['rate']:5.0f} decisions/CPU-s", LOG,
             )  # fmt: skip
-        say(f"{training.folder / 'weights.safetensors'} after {training.cpu_seconds / 60:.0f} CPU-minutes")
+        say(f"{training.folder / WEIGHTS} after {training.cpu_seconds / 60:.0f} CPU-minutes")
 
 
 @dataclass(frozen=True)

@@ -32,12 +32,11 @@ class RobotBatch(NamedTuple):
 
 def robot_batch(graphs: RobotGraphs, n_tasks: int) -> RobotBatch:
     """Tensors that share the arrays' memory."""
-    rows = np.repeat(np.arange(len(graphs.itself)), np.diff(graphs.task_ptr))
-    task = graphs.mission[rows] * n_tasks + graphs.task
-    tensors = [torch.from_numpy(np.ascontiguousarray(array)) for array in graphs[:13]]
-    tensors[2] = torch.from_numpy(task)
-    task_ptr, peer_ptr = tensors[1], tensors[6]
-    return RobotBatch(*tensors, rows_of(task_ptr), rows_of(peer_ptr))
+    tensors = RobotGraphs(*(torch.from_numpy(np.ascontiguousarray(array)) for array in graphs))
+    rows = rows_of(tensors.task_ptr)
+    columns = tensors._replace(task=tensors.mission[rows] * n_tasks + tensors.task)._asdict()
+    kept = {name: columns[name] for name in RobotBatch._fields if name in columns}
+    return RobotBatch(**kept, rows=rows, peer_rows=rows_of(tensors.peer_ptr))
 
 
 def join_robots(parts: list[RobotGraphs]) -> RobotGraphs:

@@ -60,8 +60,7 @@ class Learner:
     def _step(self, data, states, advantages, old, is_cloning):
         hyper, method = self.hyper, self.method
         robots, operators = _rows_in(data.robot_state, states), _rows_in(data.operator_state, states)
-        batch, likelihood = self._judge_robots(data, robots)
-        new = [likelihood, self._judge_operators(data, operators)]
+        new = [self._judge_robots(data, robots), self._judge_operators(data, operators)]
         losses, entropies, kls = [], [], []
         for role, (rows, now) in enumerate(zip((robots, operators), new)):
             free = now.is_free
@@ -104,18 +103,16 @@ class Learner:
 
     def _judge_robots(self, data, rows):
         graphs, shift = pick_robots(data.robots, rows)
-        batch = robot_batch(graphs, data.public.shape[1])
-        worlds, index = np.unique(graphs.mission, return_inverse=True)
         # Only the worlds of the minibatch are encoded.
-        edge_world = index[np.repeat(np.arange(len(rows)), np.diff(graphs.task_ptr))]
-        batch = batch._replace(task=torch.from_numpy(edge_world * data.public.shape[1] + graphs.task))
+        worlds, index = np.unique(graphs.mission, return_inverse=True)
+        batch = robot_batch(graphs._replace(mission=index), data.public.shape[1])
         public = torch.from_numpy(data.public[worlds].reshape(-1, data.public.shape[2]))
         chosen = data.robot_choices
         task = chosen.task[rows]
         picked = RobotChoices(*(torch.from_numpy(np.ascontiguousarray(column)) for column in (
             np.where(task >= 0, task + shift, task), chosen.gate[rows], chosen.query[rows], chosen.assist[rows],
         )))  # fmt: skip
-        return batch, judge_robots(self.method.robot(batch, public), batch, picked)
+        return judge_robots(self.method.robot(batch, public), batch, picked)
 
     def _judge_operators(self, data, rows):
         graphs = operator_batch(data.operators, rows)
@@ -125,7 +122,7 @@ class Learner:
     @torch.no_grad()
     def _judge_all(self, data):
         """Log-probabilities of all choices under the actors as they are."""
-        robots = [self._judge_robots(data, rows)[1].log_prob for rows in _chunks(len(data.robot_state))]
+        robots = [self._judge_robots(data, rows).log_prob for rows in _chunks(len(data.robot_state))]
         operators = [self._judge_operators(data, rows).log_prob for rows in _chunks(len(data.operator_state))]
         return [torch.cat(parts) if parts else torch.zeros(0) for parts in (robots, operators)]
 

@@ -117,8 +117,9 @@ class Collector:
         while n < n_decisions:
             seen, time = batch.observations, batch.time
             over = batch.over
+            scores = batch.scores() if over.any() else []
             for e in np.flatnonzero(over):
-                self.scores.append(batch.scores()[e].twcr)
+                self.scores.append(scores[e].twcr)
                 batch.restart(e, self.next_seed)
                 self.next_seed += 1
                 self.public[e] = self.builder.public(batch.state.tasks[e : e + 1])[0]

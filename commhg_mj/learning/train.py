@@ -16,10 +16,10 @@ from ..scenarios import Scenario, from_json, to_json
 from .ppo import Hyper, Learner
 from .registry import find_method
 from .rollout import Collector
-from .weights import save_weights
+from .weights import load_weights, save_weights
 
 FORMAT = "commhg_mj training 1"
-RUN, STATE, WEIGHTS, LOG = "run.json", "state.pt", "weights.safetensors", "log.csv"
+STATE, WEIGHTS, LOG = "state.pt", "weights.safetensors", "log.csv"
 TRAINING_SEEDS = 10**6  # missions of training seed s begin at (1 + s) times this; evaluation stays far below
 RECENT = 100  # missions whose mean TWCR is shown
 
@@ -65,8 +65,6 @@ class Training:
         self.updates, self.decisions, self.cpu_seconds = 0, 0, 0.0
 
     def _begin_with(self, path):
-        from .weights import load_weights
-
         other, _ = load_weights(path)
         if other.name != self.plan.method:
             raise ValueError(f"init: {path} holds {other.name}, not {self.plan.method}")

@@ -12,7 +12,6 @@ from .registry import find_method
 
 FORMAT = "commhg_mj weights 1"
 SCHEMA = json.dumps([N_ROBOT, N_PUBLIC, N_TASK_EDGE, N_PEER, N_RESOURCE, N_OPERATOR, N_REPORT])  # widths of features
-ENDING = ".safetensors"
 
 
 def save_weights(method, path, facts: dict) -> None:

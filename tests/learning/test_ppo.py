@@ -170,7 +170,7 @@ def test_old_likelihoods_are_those_of_the_rollout(tmp_path, method, decisions):
     np.testing.assert_allclose(now, then, atol=2e-4)
     rows = np.sort(np.random.default_rng(0).permutation(len(then))[: len(then) // 2])
     with torch.no_grad():
-        np.testing.assert_allclose(training.learner._judge_robots(data, rows)[1].log_prob, then[rows], atol=2e-4)
+        np.testing.assert_allclose(training.learner._judge_robots(data, rows).log_prob, then[rows], atol=2e-4)
 
 
 @pytest.mark.parametrize("method", NAMES)
