@@ -9,6 +9,7 @@ import tyro
 from ..mission.batch import check_seed
 from ..mission.trace import load_trace
 from ..scenarios import SCENARIOS, load_scenario, with_profile
+from ..study.fly import HELD_OUT
 from .console import OUT, Limitation, Profile, at_least, load_mujoco, progress, say
 
 
@@ -135,7 +136,7 @@ class Compare:
     """one or more registered policies; link and message statistics are those of the first"""
     missions: int = 200
     """a condition"""
-    seed: int = 30_000
+    seed: int = HELD_OUT
     """of the first mission; the others count up from it"""
     limitation: Limitation = "nominal"
     """of communication"""

@@ -14,7 +14,6 @@ from functools import lru_cache
 
 import cv2
 import numpy as np
-from scipy.ndimage import map_coordinates
 
 from ..heightmap import PIXELS, PLAIN, brightness
 
@@ -43,6 +42,8 @@ class Piece:
 
 def height_share(heightmap, xy) -> np.ndarray:
     """The ground's height, of white's, at xy [..., 2] in sides: bilinear between pixels, 0 on the plain."""
+    from scipy.ndimage import map_coordinates  # a quarter of a second of every start; few need it
+
     x, y = np.moveaxis(np.asarray(xy, float) * PIXELS - 0.5 + RAMP, -1, 0)
     return map_coordinates(_nodes(heightmap), [y, x], order=1)
 

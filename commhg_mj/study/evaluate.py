@@ -3,16 +3,12 @@
 import json
 
 import numpy as np
-from rich.console import Group
 from rich.table import Table
-from scipy.stats import bootstrap, trim_mean
 
 from ..files import whole_file
 from ..pilots import find_policy, label_of
-from .fly import fly
-from .statistics import Interval, mean_interval
-
-HELD_OUT = 30_000  # first seed of the missions that nobody trains on
+from .fly import HELD_OUT, fly
+from .statistics import mean_interval, middle_interval
 
 
 def evaluate(scenario, policies, n_missions, links, limitation, workers, advance) -> dict:
@@ -21,20 +17,6 @@ def evaluate(scenario, policies, n_missions, links, limitation, workers, advance
     for policy in policies:
         find_policy(policy)  # refuses a bad one before anything flies
     return {policy: fly(scenario, policy, seeds, links, limitation, None, workers, advance) for policy in policies}
-
-
-def interquartile_mean(values) -> Interval:
-    """The mean of the middle half, with its 95 % bootstrap interval."""
-    values = np.asarray(values, float)
-    middle = float(trim_mean(values, 0.25))
-    if len(values) < 4:
-        return Interval(middle, float("nan"), float("nan"))
-    result = bootstrap((values,), trim_mean_of, method="percentile", batch=500, rng=np.random.default_rng(0))
-    return Interval(middle, *map(float, result.confidence_interval))
-
-
-def trim_mean_of(values, axis=-1):
-    return trim_mean(values, 0.25, axis=axis)
 
 
 def compare_scores(scores: dict) -> list[dict]:
@@ -46,13 +28,13 @@ def compare_scores(scores: dict) -> list[dict]:
         sent = {kind: np.mean([score.messages[kind]["sent"] for score in each]) for kind in ("broadcast", "query", "request")}
         rows.append({
             "policy": label_of(policy), "privileged": find_policy(policy).is_privileged, "twcr": mean_interval(twcr),
-            "iqm": interquartile_mean(twcr), "difference": mean_interval(twcr - first),
+            "iqm": middle_interval(twcr), "difference": mean_interval(twcr - first),
             "control_time": mean_interval([score.control_time for score in each]), **sent,
         })  # fmt: skip
     return rows
 
 
-def evaluation_table(title, rows) -> Group:
+def evaluation_table(title, rows) -> Table:
     """What `commhg-mj evaluate` prints."""
     table = Table(title=title, title_justify="left")
     for name in ("policy", "TWCR", "IQM", f"minus {rows[0]['policy']}", "control time", "broadcasts", "queries", "requests"):
@@ -63,7 +45,7 @@ def evaluation_table(title, rows) -> Group:
         table.add_row(
             row["policy"] + mark, str(row["twcr"]), str(row["iqm"]), str(row["difference"]), str(row["control_time"]), *counts
         )
-    return Group(table)
+    return table
 
 
 def save_evaluation(path, settings: dict, scores: dict) -> None:

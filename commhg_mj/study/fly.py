@@ -13,6 +13,7 @@ from ..policies import POLICIES, ensure_compiled
 from ..scenarios import Scenario
 
 DEFAULTS = ("abstract", "matched", "nominal")
+HELD_OUT = 30_000  # first seed of the missions that policies are scored on; calibration, fit and training use others
 CHUNK = 16  # missions that one call flies side by side: memory and progress stay fine-grained
 
 

@@ -1,9 +1,10 @@
 """Means with confidence intervals (scipy's bootstrap)."""
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import bootstrap
+from scipy.stats import bootstrap, trim_mean
 
 
 class Interval(NamedTuple):
@@ -19,8 +20,18 @@ class Interval(NamedTuple):
 
 def mean_interval(values) -> Interval:
     """Mean of values [n] with its 95 % percentile-bootstrap interval over them (9999 resamples, fixed stream)."""
+    return _interval(values, np.mean, fewest=2)
+
+
+def middle_interval(values) -> Interval:
+    """The interquartile mean of values [n], the mean of their middle half, with the same interval."""
+    return _interval(values, partial(trim_mean, proportiontocut=0.25), fewest=4)
+
+
+def _interval(values, statistic, fewest):
     values = np.asarray(values, float)
-    if len(values) < 2:
-        return Interval(float(values.mean()), float("nan"), float("nan"))
-    result = bootstrap((values,), np.mean, method="percentile", batch=500, rng=np.random.default_rng(0))
-    return Interval(float(values.mean()), *map(float, result.confidence_interval))
+    found = float(statistic(values))
+    if len(values) < fewest:
+        return Interval(found, float("nan"), float("nan"))
+    result = bootstrap((values,), statistic, method="percentile", batch=500, rng=np.random.default_rng(0))
+    return Interval(found, *map(float, result.confidence_interval))

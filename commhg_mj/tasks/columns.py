@@ -65,10 +65,9 @@ def _limits(scenario) -> dict:
         "legal", "released", "refused", "query_waits", "request_waits", "prescribed", "exempt",
         "can_keep", "can_idle", "can_broadcast", "can_assist",
     )  # fmt: skip
-    kinds = {"embodiment": Embodiment, "activity": Activity, "mode": Mode, "session": Session} | {
-        "type": TaskType,
-        "status": Status,
-    }
+    kinds = {
+        "embodiment": Embodiment, "activity": Activity, "mode": Mode, "session": Session, "type": TaskType, "status": Status,
+    }  # fmt: skip
     ages = ("age", "claim_age", "request_age", "since_request", "since_bid")
     return (
         {name: FLAG for name in flags}

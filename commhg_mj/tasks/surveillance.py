@@ -168,18 +168,9 @@ class MissionEnvironment(control.Environment):
         spec = super().observation_spec()
         if not self._is_flat:
             return spec
-        low, high = (
-            _flat(tree.map_structure(lambda s, end=end: np.broadcast_to(end(s), s.shape), spec)) for end in (_low, _high)
-        )
+        low = _flat(tree.map_structure(lambda each: np.broadcast_to(each.minimum, each.shape), spec))
+        high = _flat(tree.map_structure(lambda each: np.broadcast_to(each.maximum, each.shape), spec))
         return {control.FLAT_OBSERVATION_KEY: _bounded(control.FLAT_OBSERVATION_KEY, low.shape, np.float32, low, high)}
-
-
-def _low(spec):
-    return spec.minimum
-
-
-def _high(spec):
-    return spec.maximum
 
 
 def _flat(nested):

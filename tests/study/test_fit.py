@@ -7,8 +7,7 @@ from strategies import change
 
 from commhg_mj.scenarios import SCENARIOS
 from commhg_mj.study import calibration, fit
-from commhg_mj.study.compare import run
-from commhg_mj.study.fly import fly_recorded
+from commhg_mj.study.fly import HELD_OUT, fly_recorded
 from commhg_mj.study.pairs import PAIR, links_of
 
 TINY = change(SCENARIOS["small"], name="tiny", n_tasks=8, time_limit=60, forest_share=0.3, n_forests=8, uav_height=12.0)
@@ -73,7 +72,7 @@ def test_it_flies_missions_of_its_own(flown):
     assert asked["scenario"] is TINY and asked["workers"] == 3
     assert (asked["policy"], asked["links"], asked["limitation"]) == ("greedy", "raycast", "nominal")
     assert len(set(asked["seeds"])) == 5
-    ranges = sorted((module.FIRST_SEED, module.FIRST_SEED + 5000) for module in (fit, calibration, run))
+    ranges = sorted((first, first + 5000) for first in (fit.FIRST_SEED, calibration.FIRST_SEED, HELD_OUT))
     assert all(end <= start for (_, end), (start, _) in zip(ranges, ranges[1:]))
     assert asked["seeds"] == list(range(fit.FIRST_SEED, fit.FIRST_SEED + 5))
 

@@ -10,6 +10,7 @@ from ...pilots import find_policy
 from ...scenarios import Scenario
 from ..charts import save_figure
 from ..coverage import cover, coverage_figure
+from ..fly import HELD_OUT
 from ..places import Place
 from . import figures, tables
 from .clip import make_clip
@@ -18,7 +19,6 @@ from .links import blockage_rows, link_rows
 from .plan import FREE, MODELS, SHUFFLED, plan
 from .report import write_report
 
-FIRST_SEED = 30_000  # calibration and fit use others
 RECEIVER = 1.5  # m above the ground: of the coverage maps
 
 
@@ -29,7 +29,7 @@ def count_flights(scenario: Scenario, policies, missions: int) -> int:
 
 
 def compare(
-    scenario: Scenario, policies, missions: int, out, first_seed=FIRST_SEED, limitation="nominal", workers=1, with_clip=True,
+    scenario: Scenario, policies, missions: int, out, first_seed=HELD_OUT, limitation="nominal", workers=1, with_clip=True,
     advance: Callable[[int], None] = lambda missions: None,
 ) -> Path:  # fmt: skip
     """Fly the same missions under every link model and write tables, figures and report.html into a folder.
