@@ -53,6 +53,7 @@ COMPILED = CACHE_DIR / f"compiled-{_installation()}"  # left behind once every k
 numba.config.CACHE_DIR = str(CACHE_DIR)
 
 kernel = numba.njit(cache=True, nogil=True, error_model="numpy")
+reduction = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})  # long sums, any order
 formula = numba.vectorize(cache=True)  # of numbers inside kernels, of arrays outside
 
 

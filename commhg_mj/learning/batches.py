@@ -85,3 +85,8 @@ def join_operators(parts: list[OperatorGraphs]) -> OperatorGraphs:
 def operator_batch(graphs: OperatorGraphs, rows=slice(None)) -> OperatorGraphs:
     """Tensors of some rows."""
     return OperatorGraphs(*(torch.from_numpy(array[rows]) for array in graphs))
+
+
+def legal_picks(graphs: OperatorGraphs) -> Tensor:
+    """[K, 2 + R] bool: KEEP, REST and the robots that operators may choose, of tensors."""
+    return torch.cat([graphs.keep_rest, graphs.legal], dim=1)

@@ -1,5 +1,7 @@
 """The central critic: a graph over the full true state, four heads (paper, section III-D). Never used in execution."""
 
+from typing import NamedTuple
+
 import torch
 from torch import Tensor, nn
 
@@ -9,35 +11,53 @@ from .states import N_GLOBAL, N_STATE_OPERATOR, N_STATE_ROBOT, N_STATE_TASK, Sta
 N_PARTS = 2  # of the reward: mission, coordination
 
 
+class Agents(NamedTuple):
+    """Whose values are asked for."""
+
+    state: Tensor  # [n] i8 row of the states
+    agent: Tensor  # [n] i8 number within its role
+
+
 class Critic(nn.Module):
-    """Values of both roles' agents, mission and coordination apart, in units of `ReturnScale`."""
+    """Values of both roles' agents, mission and coordination apart, in units of `ReturnScale`.
+
+    A state is encoded once for all who decide in it; only what belongs to a deciding agent is done per decision.
+    """
 
     def __init__(self):
         super().__init__()
-        self.robot, self.operator = mlp(N_STATE_ROBOT, NODE, NODE), mlp(N_STATE_OPERATOR, NODE, NODE)
+        self.robot, self.operator = linear(N_STATE_ROBOT, NODE), linear(N_STATE_OPERATOR, NODE)
         self.task, self.tasks = linear(N_STATE_TASK, MESSAGE), linear(MESSAGE, NODE)
+        self.robot_node, self.operator_node = linear(NODE, NODE), linear(NODE, NODE)
         self.context = mlp(3 * NODE + N_GLOBAL + 1, NODE, NODE)
         self.robot_value, self.operator_value = (mlp(2 * NODE, NODE, N_PARTS, 0.1) for _ in range(2))
 
-    def forward(self, states: States) -> tuple[Tensor, Tensor]:
-        """(robots' [S, R, 2], operators' [S, H, 2]) values of states of tensors."""
-        robots, operators = torch.relu(self.robot(states.robot)), torch.relu(self.operator(states.operator))
+    def forward(self, states: States, robots: Agents, operators: Agents) -> tuple[Tensor, Tensor]:
+        """(robots' [n, 2], operators' [k, 2]) values in states of tensors."""
+        hidden = torch.relu(self.robot(states.robot)), torch.relu(self.operator(states.operator))
         is_open = states.is_open[..., None].float()
         count = is_open.sum(dim=1)
         # The last layer after the mean, as in networks.Relation.
         tasks = (torch.relu(self.task(states.task)) * is_open).sum(dim=1) / count.clamp(min=1)
         tasks = self.tasks(tasks) * (count > 0).float()
-        parts = [robots.mean(dim=1), _mean(operators, robots), tasks, states.mission, count / states.task.shape[1]]
-        context = torch.relu(self.context(torch.cat(parts, dim=1)))[:, None]
+        nodes = self.robot_node, self.operator_node
+        means = [node(_mean(agents)) for node, agents in zip(nodes, hidden)]
+        context = torch.relu(self.context(torch.cat([*means, tasks, states.mission, count / states.task.shape[1]], dim=1)))
+        values = self.robot_value, self.operator_value
         return tuple(
-            value(torch.cat([agents, context.expand(-1, agents.shape[1], -1)], dim=2))
-            for value, agents in ((self.robot_value, robots), (self.operator_value, operators))
+            value(torch.cat([torch.relu(node(pick_agents(agents, at))), context.index_select(0, at.state)], dim=1))
+            for value, node, agents, at in zip(values, nodes, hidden, (robots, operators))
         )
 
 
-def _mean(operators, robots):
+def pick_agents(agents: Tensor, at: Agents) -> Tensor:
+    """[n, F] of agents [S, A, F]."""
+    return agents.flatten(0, 1).index_select(0, at.state * agents.shape[1] + at.agent)
+
+
+def _mean(agents):
     """Zeros where a mission has no operators."""
-    return operators.mean(dim=1) if operators.shape[1] else torch.zeros_like(robots[:, 0])
+    return agents.mean(dim=1) if agents.shape[1] else agents.new_zeros(len(agents), agents.shape[2])
 
 
 class ReturnScale(nn.Module):

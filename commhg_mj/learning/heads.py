@@ -42,6 +42,11 @@ class Likelihood(NamedTuple):
     is_free: Tensor  # [N] bool: some component was the policy's to choose
 
 
+def tensors_of(choices: RobotChoices) -> RobotChoices:
+    """The same choices as tensors."""
+    return RobotChoices(*(torch.from_numpy(np.ascontiguousarray(column)) for column in choices))
+
+
 def judge_robots(logits: RobotLogits, graphs, choices) -> Likelihood:
     """The joint likelihood of robots' choices; `graphs` and `choices` hold tensors, `graphs.rows` the edges' rows."""
     n = len(graphs.keep_idle)

@@ -2,6 +2,9 @@
 
 import torch
 from torch import Tensor, nn
+from torch.nn import functional
+
+from .ragged import Edges
 
 LARGEST_LOGIT = 10.0
 NODE, MESSAGE = 128, 64  # widths (paper, section III-B)
@@ -31,6 +34,12 @@ def bounded(logits: Tensor) -> Tensor:
     return LARGEST_LOGIT * torch.tanh(logits / LARGEST_LOGIT)
 
 
+def after(outer: nn.Linear, encoder: nn.Linear, x: Tensor) -> Tensor:
+    """outer(encoder(x)), multiplied by one small matrix: wide nodes that only linear maps read are never made."""
+    bias = outer.weight @ encoder.bias
+    return functional.linear(x, outer.weight @ encoder.weight, bias if outer.bias is None else bias + outer.bias)
+
+
 class Relation(nn.Module):
     """A relation's messages and their mean: MLP([source, edge, receiver]) of 64 dimensions.
 
@@ -43,16 +52,19 @@ class Relation(nn.Module):
         self.source, self.edge = linear(NODE, MESSAGE, bias=False), linear(n_edge, MESSAGE)
         self.receiver, self.out = linear(NODE, MESSAGE, bias=False), linear(MESSAGE, MESSAGE)
 
-    def forward(self, ends: Tensor, receiver: Tensor, mean, has_edges: Tensor) -> Tensor:
-        """[N, MESSAGE]; a receiver without edges gets zeros, no bias.
+    def of_records(self, encoder: nn.Linear, records: Tensor) -> Tensor:
+        """[E, MESSAGE] of edges whose source is the encoded record that also lies on the edge."""
+        weight = self.source.weight @ encoder.weight + self.edge.weight
+        return functional.linear(records, weight, self.source.weight @ encoder.bias + self.edge.bias)
+
+    def forward(self, edges: Edges, edge: Tensor, source: Tensor | None, receiver: Tensor) -> Tensor:
+        """[N, MESSAGE] means of messages; a receiver without edges gets zeros, no bias.
 
         Args:
-          ends: of the edges, the sum of `source` and `edge`.
+          edge: [E, MESSAGE], and source: [., MESSAGE], each through its own layer.
           receiver: [N, NODE].
-          mean: (ends, [N, MESSAGE]) -> [N, MESSAGE], the mean over a receiver's edges of relu(end + receiver's row).
-          has_edges: [N, 1] 0 or 1.
         """
-        return self.out(mean(ends, self.receiver(receiver))) * has_edges
+        return self.out(edges.mean(edge, source, self.receiver(receiver))) * edges.exist
 
 
 class Update(nn.Module):

@@ -6,8 +6,9 @@ import numpy as np
 import torch
 from torch import nn
 
-from .batches import operator_batch, pick_robots, robot_batch
-from .heads import RobotChoices, judge_operators, judge_robots
+from .batches import legal_picks, operator_batch, pick_robots, robot_batch
+from .critic import Agents
+from .heads import RobotChoices, judge_operators, judge_robots, tensors_of
 from .rollout import Experience
 from .states import States
 
@@ -47,11 +48,12 @@ class Learner:
         for role, returns in enumerate((data.robot_return, data.operator_return)):
             method.scale.update(role, torch.from_numpy(returns).float())
         advantages = [_normal(a.sum(axis=1)) for a in (data.robot_advantage, data.operator_advantage)]
-        old = self._judge_all(data)
+        old = [torch.from_numpy(log_prob) for log_prob in (data.robot_log_prob, data.operator_log_prob)]
         stats = []
-        n = len(data.states.robot)
+        # Nobody decides in some states; a minibatch of nobody teaches nothing.
+        alive = np.union1d(data.robot_state, data.operator_state)
         for _ in range(hyper.epochs):
-            for states in np.array_split(rng.permutation(n), hyper.minibatches):
+            for states in np.array_split(rng.permutation(alive), min(hyper.minibatches, len(alive))):
                 stats.append(self._step(data, np.sort(states), advantages, old, is_cloning))
                 if not is_cloning and stats[-1]["kl"] > hyper.target_kl:
                     return _means(stats)
@@ -60,7 +62,7 @@ class Learner:
     def _step(self, data, states, advantages, old, is_cloning):
         hyper, method = self.hyper, self.method
         robots, operators = _rows_in(data.robot_state, states), _rows_in(data.operator_state, states)
-        new = [self._judge_robots(data, robots), self._judge_operators(data, operators)]
+        new = [self._judge_robots(data, robots, is_cloning), self._judge_operators(data, operators)]
         losses, entropies, kls = [], [], []
         for role, (rows, now) in enumerate(zip((robots, operators), new)):
             free = now.is_free
@@ -77,7 +79,7 @@ class Learner:
                 kls.append(float((ratio - 1.0 - log_ratio).detach().mean()))
             entropies.append(now.entropy[free].mean())
         value_loss = self._value_loss(data, states, robots, operators)
-        policy_loss, entropy = torch.stack(losses).mean(), torch.stack(entropies).mean()
+        policy_loss, entropy = _mean(losses), _mean(entropies)
         loss = policy_loss - hyper.entropy * entropy + hyper.value * value_loss
         self.optimizer.zero_grad()
         loss.backward()
@@ -90,45 +92,34 @@ class Learner:
 
     def _value_loss(self, data, states, robots, operators):
         method = self.method
-        values = method.critic(States(*(torch.from_numpy(array[states]) for array in data.states)))
-        losses = []
         at = (data.robot_state, data.robots.robot, robots), (data.operator_state, data.operators.operator, operators)
-        for role, (state, agent, rows) in enumerate(at):
+        asked = [
+            Agents(torch.from_numpy(np.searchsorted(states, state[rows])), torch.from_numpy(agent[rows]))
+            for state, agent, rows in at
+        ]
+        values = method.critic(States(*(torch.from_numpy(array[states]) for array in data.states)), *asked)
+        losses = []
+        for role, (returns, rows) in enumerate(((data.robot_return, robots), (data.operator_return, operators))):
             if len(rows):
-                returns = data.robot_return if role == 0 else data.operator_return
                 target = method.scale.normal(role, torch.from_numpy(returns[rows]).float())
-                place = np.searchsorted(states, state[rows])
-                losses.append(((values[role][place, agent[rows]] - target) ** 2).mean())
-        return torch.stack(losses).mean()
+                losses.append(((values[role] - target) ** 2).mean())
+        return _mean(losses)
 
-    def _judge_robots(self, data, rows):
+    def _judge_robots(self, data, rows, is_cloning):
         graphs, shift = pick_robots(data.robots, rows)
         # Only the worlds of the minibatch are encoded.
         worlds, index = np.unique(graphs.mission, return_inverse=True)
         batch = robot_batch(graphs._replace(mission=index), data.public.shape[1])
         public = torch.from_numpy(data.public[worlds].reshape(-1, data.public.shape[2]))
-        chosen = data.robot_choices
-        task = chosen.task[rows]
-        picked = RobotChoices(*(torch.from_numpy(np.ascontiguousarray(column)) for column in (
-            np.where(task >= 0, task + shift, task), chosen.gate[rows], chosen.query[rows], chosen.assist[rows],
-        )))  # fmt: skip
-        return judge_robots(self.method.robot(batch, public), batch, picked)
+        task, *others = (column[rows] for column in data.robot_choices)
+        choices = tensors_of(RobotChoices(np.where(task >= 0, task + shift, task), *others))
+        logits = self.method.robot(batch, public)
+        # The teacher never asks: from it nobody learns when to.
+        return judge_robots(logits._replace(query=None) if is_cloning else logits, batch, choices)
 
     def _judge_operators(self, data, rows):
         graphs = operator_batch(data.operators, rows)
-        legal = torch.cat([graphs.keep_rest, graphs.legal], dim=1)
-        return judge_operators(self.method.operator(graphs), legal, torch.from_numpy(data.operator_choices[rows]))
-
-    @torch.no_grad()
-    def _judge_all(self, data):
-        """Log-probabilities of all choices under the actors as they are."""
-        robots = [self._judge_robots(data, rows).log_prob for rows in _chunks(len(data.robot_state))]
-        operators = [self._judge_operators(data, rows).log_prob for rows in _chunks(len(data.operator_state))]
-        return [torch.cat(parts) if parts else torch.zeros(0) for parts in (robots, operators)]
-
-
-def _chunks(n, size=4096):
-    return [np.arange(start, min(start + size, n)) for start in range(0, n, size)]
+        return judge_operators(self.method.operator(graphs), legal_picks(graphs), torch.from_numpy(data.operator_choices[rows]))
 
 
 def _rows_in(state_of, states):
@@ -137,7 +128,13 @@ def _rows_in(state_of, states):
     return np.concatenate([np.arange(a, b) for a, b in zip(first, last)]) if len(states) else np.zeros(0, np.int64)
 
 
+def _mean(losses):
+    return torch.stack(losses).mean() if losses else torch.zeros(())
+
+
 def _normal(advantage):
+    if not len(advantage):  # nobody of this role
+        return torch.zeros(0)
     return torch.from_numpy((advantage - advantage.mean()) / (advantage.std() + 1e-8)).float()
 
 

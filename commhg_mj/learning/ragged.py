@@ -1,7 +1,16 @@
-"""Means over ragged rows: the edges of row i are ptr[i]:ptr[i + 1]."""
+"""Ragged rows: the edges of row i are ptr[i]:ptr[i + 1]. Sums over them are compiled, with their gradients.
 
+An edge's hidden layer is relu(edge + source + receiver); it is made in registers and never lies in memory, which is what
+bounds the same sums in torch (tests hold both equal).
+"""
+
+import numpy as np
 import torch
 from torch import Tensor
+
+from ..kernels import kernel, reduction
+
+NOTHING = np.float32(0.0)
 
 
 def rows_of(ptr: Tensor) -> Tensor:
@@ -10,13 +19,121 @@ def rows_of(ptr: Tensor) -> Tensor:
 
 
 class Edges:
-    """Ragged edges: where they begin, and which row each belongs to."""
+    """Ragged edges, each from a row of a table of sources to a receiver.
 
-    def __init__(self, ptr: Tensor, rows: Tensor):
-        self.rows, self.count = rows, ptr.diff()[:, None]
-        self.exist = (self.count > 0).float()  # [N, 1]
+    Args:
+      ptr: [N + 1] i8. index: [E] i8 the source of every edge; None: edges carry what their sources say.
+    """
 
-    def mean_of_sums(self, ends: Tensor, receiver: Tensor) -> Tensor:
-        """[N, F] means over each row's edges of relu(ends [E, F] + the row's receiver [N, F]); 0 without edges."""
-        total = torch.zeros_like(receiver).index_add(0, self.rows, torch.relu(ends + receiver[self.rows]))
-        return total / self.count.clamp(min=1)
+    def __init__(self, ptr: Tensor, index: Tensor | None = None):
+        self.ptr, self.index = ptr, torch.zeros(int(ptr[-1]), dtype=torch.long) if index is None else index
+        self.exist = (ptr.diff() > 0).float()[:, None]  # [N, 1]
+
+    def mean(self, edge: Tensor, source: Tensor | None, receiver: Tensor) -> Tensor:
+        """[N, F] means over each row's edges of relu(edge [E, F] + source [., F] + receiver [N, F]); 0 without edges."""
+        source = edge.new_zeros(1, edge.shape[1]) if source is None else source
+        return _Mean.apply(edge, source, receiver, self.index, self.ptr)
+
+    def score(self, edge: Tensor, source: Tensor | None, receiver: Tensor, weight: Tensor) -> Tensor:
+        """[E] products of the same hidden layers with weight [F]."""
+        source = edge.new_zeros(1, edge.shape[1]) if source is None else source
+        return _Score.apply(edge, source, receiver, weight, self.index, self.ptr)
+
+
+class _Mean(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx, edge, source, receiver, index, ptr):
+        tensors = [tensor.contiguous() for tensor in (edge, source, receiver, index, ptr)]
+        ctx.save_for_backward(*tensors)
+        out = torch.zeros_like(tensors[2])
+        add_means(*_arrays(*tensors), out.numpy())
+        return out
+
+    @staticmethod
+    def backward(ctx, grad):
+        edge, source, receiver = ctx.saved_tensors[:3]
+        grads = torch.empty_like(edge), torch.zeros_like(source), torch.zeros_like(receiver)
+        add_mean_gradients(*_arrays(*ctx.saved_tensors, grad.contiguous(), *grads))
+        return *grads, None, None
+
+
+class _Score(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx, edge, source, receiver, weight, index, ptr):
+        tensors = [tensor.contiguous() for tensor in (edge, source, receiver, weight, index, ptr)]
+        ctx.save_for_backward(*tensors)
+        out = edge.new_empty(len(edge))
+        write_scores(*_arrays(*tensors), out.numpy())
+        return out
+
+    @staticmethod
+    def backward(ctx, grad):
+        edge, source, receiver, weight = ctx.saved_tensors[:4]
+        grads = torch.empty_like(edge), *(torch.zeros_like(tensor) for tensor in (source, receiver, weight))
+        add_score_gradients(*_arrays(*ctx.saved_tensors, grad.contiguous(), *grads))
+        return *grads, None, None
+
+
+def _arrays(*tensors):
+    return [tensor.detach().numpy() for tensor in tensors]
+
+
+@kernel
+def add_means(edge, source, receiver, index, ptr, out):
+    """out += the means of `Edges.mean`."""
+    for i in range(len(out)):
+        share = np.float32(1.0) / np.float32(max(1, ptr[i + 1] - ptr[i]))
+        total, own = out[i], receiver[i]
+        for e in range(ptr[i], ptr[i + 1]):
+            row, other = edge[e], source[index[e]]
+            for k in range(len(own)):
+                hidden = row[k] + other[k] + own[k]
+                total[k] += hidden if hidden > NOTHING else NOTHING
+        for k in range(len(own)):
+            total[k] *= share
+
+
+@kernel
+def add_mean_gradients(edge, source, receiver, index, ptr, grad, d_edge, d_source, d_receiver):
+    """Write d_edge, add to d_source and d_receiver."""
+    for i in range(len(grad)):
+        share = np.float32(1.0) / np.float32(max(1, ptr[i + 1] - ptr[i]))
+        own, d_own, down = receiver[i], d_receiver[i], grad[i]
+        for e in range(ptr[i], ptr[i + 1]):
+            row, other, d_row, d_other = edge[e], source[index[e]], d_edge[e], d_source[index[e]]
+            for k in range(len(own)):
+                back = down[k] * share if row[k] + other[k] + own[k] > NOTHING else NOTHING
+                d_row[k] = back
+                d_other[k] += back
+                d_own[k] += back
+
+
+@reduction
+def write_scores(edge, source, receiver, weight, index, ptr, out):
+    """Write the scores of `Edges.score`."""
+    for i in range(len(receiver)):
+        own = receiver[i]
+        for e in range(ptr[i], ptr[i + 1]):
+            row, other = edge[e], source[index[e]]
+            total = NOTHING
+            for k in range(len(own)):
+                hidden = row[k] + other[k] + own[k]
+                total += weight[k] * (hidden if hidden > NOTHING else NOTHING)
+            out[e] = total
+
+
+@kernel
+def add_score_gradients(edge, source, receiver, weight, index, ptr, grad, d_edge, d_source, d_receiver, d_weight):
+    """Write d_edge, add to the others."""
+    for i in range(len(receiver)):
+        own, d_own = receiver[i], d_receiver[i]
+        for e in range(ptr[i], ptr[i + 1]):
+            row, other, d_row, d_other = edge[e], source[index[e]], d_edge[e], d_source[index[e]]
+            down = grad[e]
+            for k in range(len(own)):
+                hidden = row[k] + other[k] + own[k]
+                back = down * weight[k] if hidden > NOTHING else NOTHING
+                d_weight[k] += down * hidden if hidden > NOTHING else NOTHING
+                d_row[k] = back
+                d_other[k] += back
+                d_own[k] += back

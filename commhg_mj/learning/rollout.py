@@ -10,9 +10,10 @@ from ..mission.decide import Decisions
 from ..policies.schedule import follow_schedule
 from ..terms import KEEP, REST
 from .advantage import estimate_advantages
-from .batches import join_operators, join_robots, operator_batch, robot_batch
+from .batches import join_operators, join_robots, legal_picks, operator_batch, robot_batch
+from .critic import Agents
 from .graphs import GraphBuilder, OperatorGraphs, RobotGraphs
-from .heads import RobotChoices, choose_operators, choose_robots
+from .heads import RobotChoices, choose_operators, choose_robots, judge_operators, judge_robots, tensors_of
 from .states import States, read_states
 
 VALUE_CHUNK = 2048  # states
@@ -27,12 +28,26 @@ class Experience(NamedTuple):
     public: np.ndarray  # [worlds, T, N_PUBLIC]
     robot_choices: RobotChoices
     operator_choices: np.ndarray  # [K] i8
+    robot_log_prob: np.ndarray  # [N] f4 of the choices as they were made
+    operator_log_prob: np.ndarray  # [K] f4
     robot_state: np.ndarray  # [N] i8 rising
     operator_state: np.ndarray  # [K] i8 rising
     robot_advantage: np.ndarray  # [N, 2] mission, coordination
     operator_advantage: np.ndarray  # [K, 2]
     robot_return: np.ndarray  # [N, 2]
     operator_return: np.ndarray  # [K, 2]
+
+
+class Decided(NamedTuple):
+    """What one step's due robots and operators saw and chose."""
+
+    robots: RobotGraphs
+    operators: OperatorGraphs
+    choices: RobotChoices
+    picks: np.ndarray  # [K] i8 operators' choices
+    robot_log_prob: np.ndarray  # [N] f4
+    operator_log_prob: np.ndarray  # [K] f4
+    decisions: Decisions
 
 
 class Pilot:
@@ -42,27 +57,36 @@ class Pilot:
         self.method, self.builder = method, builder
 
     @torch.no_grad()
-    def decide(self, seen, public, rng, is_greedy=False):
-        """(robot graphs, operator graphs, robots' choices, operators' choices, decisions).
+    def decide(self, seen, public, rng, is_greedy=False) -> Decided:
+        """Choices drawn from the actors, or their best.
 
         Args:
           public: [worlds, T, N_PUBLIC]; `seen`'s missions are its rows.
         """
         robots, operators = self.builder.robots(seen), self.builder.operators(seen)
-        choices = RobotChoices(*(np.zeros(0, kind) for kind in (int, bool, int, bool)))
+        choices, picks = RobotChoices(*(np.zeros(0, kind) for kind in (int, bool, int, bool))), np.zeros(0, np.int64)
+        robot_log_prob, operator_log_prob = np.zeros(0, np.float32), np.zeros(0, np.float32)
         if len(robots.itself):
-            logits = self.method.robot(
-                robot_batch(robots, public.shape[1]), torch.from_numpy(public.reshape(-1, public.shape[2]))
-            )
+            batch = robot_batch(robots, public.shape[1])
+            logits = self.method.robot(batch, torch.from_numpy(public.reshape(-1, public.shape[2])))
             choices = choose_robots(logits, robots, rng, is_greedy)
-        operator_choices = np.zeros(0, np.int64)
+            robot_log_prob = judge_robots(logits, batch, tensors_of(choices)).log_prob.numpy()
         if len(operators.itself):
-            legal = np.concatenate([operators.keep_rest, operators.legal], axis=1)
-            operator_choices = choose_operators(self.method.operator(operator_batch(operators)), legal, rng, is_greedy)
-        decisions = to_decisions(robots, choices, operator_choices)
+            batch = operator_batch(operators)
+            logits, legal = self.method.operator(batch), legal_picks(batch)
+            picks = choose_operators(logits, legal.numpy(), rng, is_greedy)
+            operator_log_prob = judge_operators(logits, legal, torch.from_numpy(picks)).log_prob.numpy()
+        decisions = to_decisions(robots, choices, picks)
         if not self.method.communicates:
             follow_schedule(seen, decisions)
-        return robots, operators, choices, operator_choices, decisions
+        return Decided(robots, operators, choices, picks, robot_log_prob, operator_log_prob, decisions)
+
+    def follow(self, seen, teacher) -> Decided:
+        """A teacher policy's decisions as if the actors had made them; their likelihood is not asked for."""
+        robots, operators, decisions = self.builder.robots(seen), self.builder.operators(seen), teacher(seen)
+        choices, picks = from_decisions(robots, operators, decisions)
+        unasked = (np.zeros(len(part.itself), np.float32) for part in (robots, operators))
+        return Decided(robots, operators, choices, picks, *unasked, decisions)
 
 
 def to_decisions(robots: RobotGraphs, choices: RobotChoices, operator_choices) -> Decisions:
@@ -126,52 +150,49 @@ class Collector:
                 world_of[e] = sum(map(len, worlds))
                 worlds.append(self.public[e : e + 1].copy())
             time[over] = 0.0
-            robots, operators, choices, picks, decisions = self.pilot.decide(seen, self.public, self.rng)
-            if teacher is not None:
-                decisions = teacher(seen)
-                choices, picks = from_decisions(robots, operators, decisions)
+            pilot = self.pilot
+            decided = pilot.follow(seen, teacher) if teacher else pilot.decide(seen, self.public, self.rng)
+            robots, operators = decided.robots, decided.operators
             missions = np.flatnonzero(~over)
             state_of = np.cumsum(~over) - 1
             states = read_states(batch, self.builder.scale[0], missions)
-            batch.step_legal(decisions)
+            batch.step_legal(decided.decisions)
             at = (robots.mission, robots.robot), (operators.mission, batch.scenario.n_robots + operators.operator)
             robots_in, operators_in = state_of[robots.mission], state_of[operators.mission]
-            robots = robots._replace(mission=world_of[robots.mission])
-            after = batch.rewards, batch.time - time, batch.over
-            steps.append((states, robots, operators, choices, picks, robots_in, operators_in, at, *after))
+            decided = decided._replace(robots=robots._replace(mission=world_of[robots.mission]))
+            steps.append((states, decided, robots_in, operators_in, at, batch.rewards, batch.time - time, batch.over))
             n += len(robots.itself)
         return self._experience(steps, np.concatenate(worlds), critic, scale, gamma, lam)
 
     def _experience(self, steps, public, critic, scale, gamma, lam):
-        states, robots, operators, choices, picks, robots_in, operators_in, at, rewards, elapsed, over = zip(*steps)
+        states, decided, robots_in, operators_in, at, rewards, elapsed, over = zip(*steps)
+        decided = Decided(*zip(*decided))
         starts = np.cumsum([0] + [len(part.robot) for part in states])
         robot_state = np.concatenate([part + start for part, start in zip(robots_in, starts)])
         operator_state = np.concatenate([part + start for part, start in zip(operators_in, starts)])
         joined = States(*(np.concatenate(arrays) for arrays in zip(*states)))
-        edge_starts = np.cumsum([0] + [len(part.task) for part in robots])
-        tasks = [np.where(c.task >= 0, c.task + start, c.task) for c, start in zip(choices, edge_starts)]
-        columns = [np.concatenate(tasks)] + [np.concatenate([c[i] for c in choices]) for i in (1, 2, 3)]
-        all_robots, all_operators = join_robots(robots), join_operators(operators)
-        values = value_states(critic, scale, joined)
-        robot_values = values[0][robot_state, all_robots.robot]
-        operator_values = values[1][operator_state, all_operators.operator]
-        batch = self.batch
-        last = value_states(critic, scale, read_states(batch, self.builder.scale[0], np.arange(len(batch.seeds))))
-        last = np.concatenate(last, axis=1) * ~batch.over[:, None, None]
-        robot_cuts = np.cumsum([len(part.itself) for part in robots])[:-1]
-        operator_cuts = np.cumsum([len(part.itself) for part in operators])[:-1]
-        both = [
-            np.concatenate(pair) for pair in zip(np.split(robot_values, robot_cuts), np.split(operator_values, operator_cuts))
-        ]
+        robots, operators = join_robots(decided.robots), join_operators(decided.operators)
+        values = value_states(critic, scale, joined, (robot_state, robots.robot), (operator_state, operators.operator))
+        n_robots = [len(part.itself) for part in decided.robots]
+        cuts = np.cumsum(n_robots)[:-1], np.cumsum([len(part.itself) for part in decided.operators])[:-1]
+        both = [np.concatenate(pair) for pair in zip(*map(np.split, values, cuts))]  # by step
         rows = [tuple(np.concatenate(pair) for pair in zip(*two)) for two in at]
-        advantages = estimate_advantages(both, rows, np.array(rewards), np.array(elapsed), np.array(over), last, gamma, lam)
-        n_robots = [len(part.itself) for part in robots]
-        robot_advantage = np.concatenate([part[:k] for part, k in zip(advantages, n_robots)])
-        operator_advantage = np.concatenate([part[k:] for part, k in zip(advantages, n_robots)])
+        last = self._last_values(critic, scale)
+        parts = estimate_advantages(both, rows, np.array(rewards), np.array(elapsed), np.array(over), last, gamma, lam)
+        advantages = [np.concatenate(role) for role in zip(*((part[:n], part[n:]) for part, n in zip(parts, n_robots)))]
         return Experience(
-            joined, all_robots, all_operators, public, RobotChoices(*columns), np.concatenate(picks), robot_state, operator_state,
-            robot_advantage, operator_advantage, robot_advantage + robot_values, operator_advantage + operator_values,
+            joined, robots, operators, public, join_choices(decided.robots, decided.choices), np.concatenate(decided.picks),
+            np.concatenate(decided.robot_log_prob), np.concatenate(decided.operator_log_prob), robot_state, operator_state,
+            *advantages, *(advantage + value for advantage, value in zip(advantages, values)),
         )  # fmt: skip
+
+    def _last_values(self, critic, scale):
+        """[E, agents, 2] after the last step; 0 where a mission is over."""
+        batch, scenario = self.batch, self.batch.scenario
+        n = len(batch.seeds)
+        everyone = [tuple(np.divmod(np.arange(n * k), max(k, 1))) for k in (scenario.n_robots, scenario.n_operators)]
+        values = value_states(critic, scale, read_states(batch, self.builder.scale[0], np.arange(n)), *everyone)
+        return np.concatenate([value.reshape(n, -1, 2) for value in values], axis=1) * ~batch.over[:, None, None]
 
 
 def from_decisions(robots: RobotGraphs, operators: OperatorGraphs, decisions: Decisions):
@@ -187,11 +208,22 @@ def from_decisions(robots: RobotGraphs, operators: OperatorGraphs, decisions: De
     return choices, np.where(pick >= 0, pick + 2, np.where(pick == KEEP, 0, 1))
 
 
+def join_choices(robots: list[RobotGraphs], choices: list[RobotChoices]) -> RobotChoices:
+    """The choices of several steps, with edges as `join_robots` numbers them."""
+    starts = np.cumsum([0] + [len(part.task) for part in robots])
+    tasks = [np.where(part.task >= 0, part.task + start, part.task) for part, start in zip(choices, starts)]
+    return RobotChoices(np.concatenate(tasks), *(np.concatenate(column) for column in list(zip(*choices))[1:]))
+
+
 @torch.no_grad()
-def value_states(critic, scale, states: States) -> tuple[np.ndarray, np.ndarray]:
-    """(robots' [S, R, 2], operators' [S, H, 2]) values in units of reward."""
+def value_states(critic, scale, states: States, robots, operators) -> tuple[np.ndarray, np.ndarray]:
+    """(robots' [n, 2], operators' [k, 2]) values in units of reward, of agents given as (rising state, number)."""
     parts = []
     for start in range(0, len(states.robot), VALUE_CHUNK):
         chunk = States(*(torch.from_numpy(array[start : start + VALUE_CHUNK]) for array in states))
-        parts.append([scale.real(role, values).numpy() for role, values in enumerate(critic(chunk))])
+        asked = []
+        for state, agent in (robots, operators):
+            rows = slice(*np.searchsorted(state, [start, start + VALUE_CHUNK]))
+            asked.append(Agents(torch.from_numpy(state[rows] - start), torch.from_numpy(agent[rows])))
+        parts.append([scale.real(role, values).numpy() for role, values in enumerate(critic(chunk, *asked))])
     return tuple(np.concatenate(columns) for columns in zip(*parts))

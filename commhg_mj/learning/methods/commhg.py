@@ -2,11 +2,12 @@
 
 import torch
 from torch import Tensor, nn
+from torch.nn import functional
 
 from ..critic import Critic, ReturnScale
 from ..graphs import N_OPERATOR, N_PEER, N_PUBLIC, N_REPORT, N_RESOURCE, N_ROBOT, N_TASK_EDGE
 from ..heads import RobotLogits
-from ..networks import MESSAGE, NODE, Relation, Update, bounded, head, linear, mlp
+from ..networks import MESSAGE, NODE, Relation, Update, after, bounded, head, linear, mlp
 from ..ragged import Edges
 from ..registry import method
 
@@ -19,8 +20,8 @@ class RobotActor(nn.Module):
 
     def __init__(self):
         super().__init__()
-        self.itself, self.task = mlp(N_ROBOT, NODE, NODE), mlp(N_PUBLIC, NODE, NODE)
-        self.peer, self.operator = mlp(N_PEER, NODE, NODE), mlp(N_RESOURCE, MESSAGE, NODE)
+        self.itself, self.attributes, self.task = mlp(N_ROBOT, NODE, NODE), linear(N_PUBLIC, MESSAGE), linear(MESSAGE, NODE)
+        self.peer, self.operator = linear(N_PEER, NODE), linear(N_RESOURCE, NODE)
         self.tasks, self.peers = Relation(N_TASK_EDGE), Relation(N_PEER)
         self.update = Update(2)
         self.score_task, self.score_edge = linear(NODE, MESSAGE), linear(N_TASK_EDGE, MESSAGE)
@@ -36,32 +37,31 @@ class RobotActor(nn.Module):
         Args:
           graphs: `batches.RobotBatch`. public: [tasks, N_PUBLIC].
         """
-        tasks, rows = self.task(public), graphs.rows
-        node = self.embed(graphs, tasks)
-        hidden = self.score_task(tasks)[graphs.task] + self.score_edge(graphs.task_edge) + self.score_robot(node)[rows]
-        score = self.score(torch.relu(hidden))[:, 0]
+        attributes = torch.relu(self.attributes(public))
+        task_edges = Edges(graphs.task_ptr, graphs.task)
+        node = self.embed(graphs, task_edges, attributes)
+        score = task_edges.score(
+            self.score_edge(graphs.task_edge), after(self.score_task, self.task, attributes), self.score_robot(node),
+            self.score.weight[0],
+        ) + self.score.bias  # fmt: skip
         # To keep a task is to choose it once more.
         own = torch.where(graphs.own_edge >= 0, score[graphs.own_edge.clamp(min=0)], 0.0) if len(score) else 0.0
         keep_idle = self.keep_idle(node)
         keep_idle = torch.stack([keep_idle[:, 0] + own, keep_idle[:, 1]], dim=1)
-        operators = self.query_operator(self.operator(graphs.resource)) + self.query_robot(node)[:, None]
+        operators = after(self.query_operator, self.operator, graphs.resource) + self.query_robot(node)[:, None]
         query = torch.cat([self.nobody(node), self.query(torch.relu(operators))[..., 0]], dim=1)
         return RobotLogits(
             bounded(score), bounded(keep_idle), bounded(self.gate(node)[:, 0]), bounded(query), bounded(self.assist(node)[:, 0])
         )
 
-    def embed(self, graphs, tasks: Tensor) -> Tensor:
+    def embed(self, graphs, task_edges: Edges, attributes: Tensor) -> Tensor:
         """[N, NODE] of robots out of their local graphs."""
         node = self.itself(graphs.itself)
-        task_edges, peer_edges = Edges(graphs.task_ptr, graphs.rows), Edges(graphs.peer_ptr, graphs.peer_rows)
-        from_tasks = self.tasks.source(tasks)[graphs.task] + self.tasks.edge(graphs.task_edge)
-        from_peers = self.peers.source(self.peer(graphs.peer_edge)) + self.peers.edge(graphs.peer_edge)
+        peer_edges = Edges(graphs.peer_ptr)
+        tasks, edges = after(self.tasks.source, self.task, attributes), self.tasks.edge(graphs.task_edge)
+        peers = self.peers.of_records(self.peer, graphs.peer_edge)
         for _ in range(ROUNDS):
-            node = self.update(
-                node,
-                self.tasks(from_tasks, node, task_edges.mean_of_sums, task_edges.exist),
-                self.peers(from_peers, node, peer_edges.mean_of_sums, peer_edges.exist),
-            )
+            node = self.update(node, self.tasks(task_edges, edges, tasks, node), self.peers(peer_edges, peers, None, node))
         return node
 
 
@@ -70,25 +70,22 @@ class OperatorActor(nn.Module):
 
     def __init__(self):
         super().__init__()
-        self.itself, self.report = mlp(N_OPERATOR, NODE, NODE), mlp(N_REPORT, NODE, NODE)
+        self.itself, self.report = mlp(N_OPERATOR, NODE, NODE), linear(N_REPORT, NODE)
         self.reports, self.update = Relation(N_REPORT), Update(1)
         self.score_report, self.score_operator = linear(NODE, MESSAGE), linear(NODE, MESSAGE, bias=False)
         self.score, self.keep_rest = linear(MESSAGE, 1, 0.01), head(NODE, 2)
 
     def forward(self, graphs) -> Tensor:
         """[K, 2 + R] logits of KEEP, REST and the robots, of `OperatorGraphs` of tensors."""
-        known = graphs.known[..., None].float()
-        count = known.sum(dim=1)
-        node, report = self.itself(graphs.itself), self.report(graphs.report)
-        ends = self.reports.source(report) + self.reports.edge(graphs.report)
-
-        def mean(ends, receiver):
-            return (torch.relu(ends + receiver[:, None]) * known).sum(dim=1) / count.clamp(min=1)
-
+        edges = Edges(functional.pad(graphs.known.sum(dim=1).cumsum(dim=0), (1, 0)))
+        records, node = graphs.report[graphs.known], self.itself(graphs.itself)
+        reports = self.reports.of_records(self.report, records)
         for _ in range(ROUNDS):
-            node = self.update(node, self.reports(ends, node, mean, (count > 0).float()))
-        hidden = self.score_report(report) * known + self.score_operator(node)[:, None]
-        score = self.score(torch.relu(hidden))[..., 0]
+            node = self.update(node, self.reports(edges, reports, None, node))
+        known = edges.score(
+            after(self.score_report, self.report, records), None, self.score_operator(node), self.score.weight[0]
+        ) + self.score.bias  # fmt: skip
+        score = torch.zeros(graphs.known.shape).masked_scatter(graphs.known, known)
         own = score.gather(1, graphs.held.clamp(min=0)[:, None])[:, 0]
         keep_rest = self.keep_rest(node)
         keep = keep_rest[:, 0] + torch.where(graphs.held >= 0, own, 0.0)

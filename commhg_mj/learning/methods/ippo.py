@@ -3,7 +3,7 @@
 import torch
 from torch import Tensor, nn
 
-from ..critic import N_PARTS, ReturnScale
+from ..critic import N_PARTS, Agents, ReturnScale, pick_agents
 from ..networks import NODE, mlp
 from ..registry import method
 from ..states import N_STATE_OPERATOR, N_STATE_ROBOT, OWN_TIME, States
@@ -18,12 +18,12 @@ class LocalCritic(nn.Module):
         self.robot = mlp(N_STATE_ROBOT + OWN_TIME, NODE, N_PARTS, 0.1)
         self.operator = mlp(N_STATE_OPERATOR + OWN_TIME, NODE, N_PARTS, 0.1)
 
-    def forward(self, states: States) -> tuple[Tensor, Tensor]:
-        """(robots' [S, R, 2], operators' [S, H, 2]) values."""
-        clock = states.mission[:, None, :OWN_TIME]
+    def forward(self, states: States, robots: Agents, operators: Agents) -> tuple[Tensor, Tensor]:
+        """(robots' [n, 2], operators' [k, 2]) values in states of tensors."""
+        clock = states.mission[:, :OWN_TIME]
+        roles = (self.robot, states.robot, robots), (self.operator, states.operator, operators)
         return tuple(
-            value(torch.cat([agents, clock.expand(-1, agents.shape[1], -1)], dim=2))
-            for value, agents in ((self.robot, states.robot), (self.operator, states.operator))
+            value(torch.cat([pick_agents(agents, at), clock.index_select(0, at.state)], dim=1)) for value, agents, at in roles
         )
 
 
