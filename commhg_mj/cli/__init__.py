@@ -9,13 +9,16 @@ import sys
 import tyro
 
 from .console import LOG, say
+from .explain import Explain
 from .learn import Evaluate, Train
 from .links import Compare, Coverage, Fit, Links
 from .measures import Bench, Calibrate
 from .missions import Render, Run
 from .worlds import Figure, Scenarios, World
 
-Command = Run | Render | Train | Evaluate | Links | Coverage | Compare | Fit | Scenarios | World | Figure | Bench | Calibrate
+Command = (
+    Run | Render | Explain | Train | Evaluate | Links | Coverage | Compare | Fit | Scenarios | World | Figure | Bench | Calibrate
+)
 
 
 def main(arguments=None) -> int:

@@ -44,6 +44,12 @@ def at_least(name, value, least):
         raise ValueError(f"--{name} must be at least {least}, is {value}")
 
 
+def check_png(out):
+    """Refuse a picture by any other ending."""
+    if out is not None and out.suffix.lower() != ".png":
+        raise ValueError(f"--out {out}: the name must end in .png")
+
+
 def load_mujoco():
     """MuJoCo loads the backend that MUJOCO_GL names when it is imported, and fails however that one fails."""
     try:

@@ -10,7 +10,7 @@ from ..mission.batch import check_seed
 from ..mission.trace import load_trace
 from ..scenarios import SCENARIOS, load_scenario, with_profile
 from ..study.fly import HELD_OUT
-from .console import OUT, Limitation, Profile, at_least, load_mujoco, progress, say
+from .console import OUT, Limitation, Profile, at_least, check_png, load_mujoco, progress, say
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Links:
         from ..study.explain import explain, explanation_table, positions_at, section_figure
         from ..study.places import parse_place
 
-        _check_png(self.out)
+        check_png(self.out)
         trace = load_trace(self.trace) if self.trace else None
         scenario = with_profile(trace.scenario if trace else load_scenario(self.scenario), self.radio_profile)
         seed, limitation = (trace.seed, trace.limitation) if trace else (check_seed(self.seed), self.limitation)
@@ -88,7 +88,7 @@ class Coverage:
         from ..study.coverage import cover, coverage_figure
         from ..study.places import parse_place
 
-        _check_png(self.out)
+        check_png(self.out)
         scenario = with_profile(load_scenario(self.scenario), self.radio_profile)
         source = parse_place(self.source, scenario, "from")
         coverage = cover(make_world(scenario, check_seed(self.seed)), source, self.height, self.limitation)
@@ -161,8 +161,3 @@ class Compare:
                 scenario, self.policy, self.missions, self.out, self.seed, self.limitation, self.workers, self.clip, advance
             )
         say(f"wrote {report}")
-
-
-def _check_png(out):
-    if out is not None and out.suffix.lower() != ".png":
-        raise ValueError(f"--out {out}: the name must end in .png")

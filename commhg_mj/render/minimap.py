@@ -18,7 +18,8 @@ class Minimap:
     def __init__(self, trace, world, canvas, x, y, size, unit):
         self.trace, self.world, self.canvas = trace, world, canvas
         self.x, self.y, self.size, self.unit = x, y, size, unit
-        self.background = _draw_ground(world.layout, size)
+        ground = draw_ground(world.layout, size)
+        self.background = np.dstack([ground, np.full((size, size), 255, np.uint8)])
 
     def pixels(self, xy) -> np.ndarray:
         """Where points xy [..., 2] of the map fall."""
@@ -74,14 +75,17 @@ def _whole(point):
     return tuple(int(v) for v in np.clip(point, -1e6, 1e6))
 
 
-def _draw_ground(layout, size):
-    """Footprints on the plain, [size, size, 4], drawn at four times the size for smooth edges."""
+def draw_ground(layout, size, corner=(0.0, 0.0), side=None):
+    """Footprints on the plain, [size, size, 3], drawn at four times the size for smooth edges.
+
+    Args:
+      corner, side: left bottom corner and side [m] of the part of the map that is shown; by default all of it.
+    """
     picture = np.full((4 * size, 4 * size, 3), PLAIN, np.uint8)
-    scale = 4 * size / layout.side
+    scale = 4 * size / (side or layout.side)
     for parts, colour in ((layout.forests, FOREST), (layout.mountains, MOUNTAIN)):
         for part in parts:
-            centre = (part["x"] * scale, 4 * size - part["y"] * scale)
+            centre = ((part["x"] - corner[0]) * scale, 4 * size - (part["y"] - corner[1]) * scale)
             axes = (2 * part["a"] * scale, 2 * part["b"] * scale)
             cv2.ellipse(picture, (centre, axes, -np.degrees(part["angle"])), colour, -1)
-    small = cv2.resize(picture, (size, size), interpolation=cv2.INTER_AREA)
-    return np.dstack([small, np.full((size, size), 255, np.uint8)])
+    return cv2.resize(picture, (size, size), interpolation=cv2.INTER_AREA)
