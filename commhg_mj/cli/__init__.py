@@ -9,7 +9,7 @@ import sys
 import tyro
 
 from .console import LOG, say
-from .explain import Explain
+from .explain import Cases, Explain
 from .learn import Evaluate, Train
 from .links import Compare, Coverage, Fit, Links
 from .measures import Bench, Calibrate
@@ -17,8 +17,9 @@ from .missions import Render, Run
 from .worlds import Figure, Scenarios, World
 
 Command = (
-    Run | Render | Explain | Train | Evaluate | Links | Coverage | Compare | Fit | Scenarios | World | Figure | Bench | Calibrate
-)
+    Run | Render | Explain | Cases | Train | Evaluate | Links | Coverage | Compare | Fit
+    | Scenarios | World | Figure | Bench | Calibrate
+)  # fmt: skip
 
 
 def main(arguments=None) -> int:

@@ -6,7 +6,7 @@ from pathlib import Path
 import tyro
 
 from ..mission.trace import load_trace
-from .console import OUT, check_png, load_mujoco, make_folder, say
+from .console import OUT, at_least, check_png, load_mujoco, make_folder, progress, say
 
 RENDERS = Path("renders")  # where pictures go by default
 
@@ -28,7 +28,6 @@ class Explain:
 
     def __call__(self):
         load_mujoco()
-        from ..models.world import make_world
         from ..render.knowledge import draw_knowledge
         from ..study.knowledge import choice_words, headline, operator_sides, operator_table, peer_table, task_table
         from ..study.reflight import Reflight, last_decision
@@ -48,8 +47,55 @@ class Explain:
         say(chosen)
         operators = operator_sides(decision, names)
         title = f"{self.trace.stem}, {headline(decision, names)}"
-        draw_knowledge(out, make_world(trace.scenario, trace.seed), decision, preferences, title, operators, chosen)
+        draw_knowledge(out, trace, decision, preferences, title, operators, chosen)
         say(f"wrote {out}")
+
+
+@dataclass(frozen=True)
+class Cases:
+    """Find the paper's case in traces: an operator expected, asked, found busy, another task chosen; draw the best one."""
+
+    traces: tyro.conf.Positional[tuple[Path, ...]]
+    """trace files, from `run --out`; their missions are flown again"""
+    policy: str | None = None
+    """that flew the traces: a name or a file of weights; by default the name in each trace"""
+    out: Path | None = None
+    """FILE.png of the best case; by default renders/case-TRACE.png; the clip goes beside it"""
+    clip: bool = True
+    """render the clip"""
+    workers: int = 2
+    """processes"""
+
+    def __call__(self):
+        from ..study.cases import case_captions, case_table, cases_of
+        from ..study.fly import spread
+
+        check_png(self.out)
+        at_least("workers", self.workers, 1)
+        names = {path: load_trace(path).scenario.robot_names for path in self.traces}
+        with progress("flying", len(self.traces)) as advance:
+            jobs = [(path, self.policy) for path in self.traces]
+            found = spread(cases_of, jobs, self.workers, lambda _: advance(1))
+        cases = [(path, case) for path, cases in zip(self.traces, found) for case in cases]
+        if not cases:
+            say(f"no case in {len(self.traces)} missions")
+            return
+        cases.sort(key=lambda item: item[1].weight, reverse=True)
+        OUT.print(case_table(cases, names))
+        path, case = cases[0]
+        self._draw(path, case, case_captions(case, load_trace(path)))
+
+    def _draw(self, path, case, captions):
+        load_mujoco()
+        from ..render.case import draw_case, film_case
+
+        trace, out = load_trace(path), picture_path(self.out, f"case-{path.stem}.png")
+        draw_case(out, trace, case, captions)
+        say(f"wrote {out}")
+        if self.clip:
+            with progress("rendering", 1) as advance:
+                film_case(out.with_suffix(".mp4"), trace, case, captions, self.workers, lambda _, total: advance(1 / total))
+            say(f"wrote {out.with_suffix('.mp4')}")
 
 
 def picture_path(out: Path | None, name: str) -> Path:

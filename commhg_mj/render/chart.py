@@ -8,9 +8,11 @@ from . import palette as ink
 from .canvas import Canvas, text_width
 from .labels import Label, place_labels
 from .minimap import draw_ground
+from .moment import Timeline
 
 FADE = 90.0  # s: a record's ink fades as exp(-age / FADE)
 FAINTEST = 0.25
+BACKGROUND = 0.35  # opacity of robots that the picture is not about
 TEXT = 15  # pixels
 TASK, ROBOT = 6.0, 8.0  # pixels
 
@@ -21,10 +23,17 @@ def opacity(age: float) -> float:
 
 
 class Chart:
-    """A square picture of `size` pixels of a world, or of its part with left bottom `corner` and `side` [m]."""
+    """A square picture of `size` pixels of a world.
 
-    def __init__(self, world, size: int, corner=(0.0, 0.0), side=None):
+    Args:
+      corner, side: left bottom corner and side [m] of the part of the map that is shown; by default all of it.
+      robots, operator: those that it is about; others stay in the background. By default it is about all.
+    """
+
+    def __init__(self, world, size: int, corner=(0.0, 0.0), side=None, robots=None, operator=None):
         self.world, self.size, self.corner, self.side = world, size, np.asarray(corner), side or world.layout.side
+        self.robots = range(world.scenario.n_robots) if robots is None else robots
+        self.operators = range(world.scenario.n_operators) if operator is None else [operator]
         self.ground = draw_ground(world.layout, size, corner, self.side)
         self.canvas = Canvas(size, size)
         self.labels, self.inks = [], {}
@@ -56,6 +65,8 @@ class Chart:
 
     def robot(self, index, xy, task_xy=None, alpha=1.0, note="", failed=False):
         """A robot, named, and the line to the task that it heads for."""
+        is_actor = index in self.robots
+        alpha *= 1.0 if is_actor else BACKGROUND
         at, colour, n_uav = self.pixels(xy), ink.robot_colour(index, self.world.scenario.n_uav), self.world.scenario.n_uav
         ahead = np.array([0.0, -1.0])
         if task_xy is not None:
@@ -64,7 +75,8 @@ class Chart:
             way = np.linalg.norm(goal - at)
             ahead = (goal - at) / way if way > 1 else ahead
         marks.draw_robot(self.canvas, at, ahead, ink.FAILED if failed else colour, self.robot_size, index < n_uav, alpha)
-        self.label(xy, f"{self.world.scenario.robot_names[index]}{note}", colour, 3)
+        if is_actor:
+            self.label(xy, f"{self.world.scenario.robot_names[index]}{note}", colour, 3)
 
     def plan(self, robot_xy, task_xy, colour=ink.INK):
         """Where the robot that all this is about means to go."""
@@ -78,10 +90,11 @@ class Chart:
     def control(self, operator, robot_xy, count=0):
         """A line from the station in the operator's colour; broken into `count` dashes for what is not so (yet)."""
         ends = self.pixels(np.stack([self.world.layout.station, robot_xy]))
-        share = np.linspace(0, 1, 2 * max(1, count))
-        dots = ends[0] + share[:, None] * (ends[1] - ends[0])
-        pieces = [dots[i : i + 2] for i in range(0, len(dots), 2)] if count else [ends]
-        self.canvas.lines(pieces, ink.operator_colour(operator), 2.4, 0.95)
+        self._line(ends, ink.operator_colour(operator), 2.4, count)
+
+    def ask(self, robot_xy):
+        """A query on its way to the station."""
+        self._line(self.pixels(np.stack([robot_xy, self.world.layout.station])), ink.INK, 1.8, 20)
 
     def label(self, xy, text, colour=ink.INK, priority=1):
         """A name beside a place; where all does not fit, the most important go first."""
@@ -101,6 +114,11 @@ class Chart:
             if label.key in places:
                 self._write(label, places[label.key])
         return self.canvas.paste(self.ground)
+
+    def _line(self, ends, colour, width, dashes=0):
+        share = np.linspace(0, 1, 2 * max(1, dashes))[:, None]
+        dots = ends[0] + share * (ends[1] - ends[0])
+        self.canvas.lines([dots[i : i + 2] for i in range(0, len(dots), 2)], colour, width, 0.95)
 
     def _write(self, label, place):
         text, colour = self.inks[label.key]
@@ -130,20 +148,19 @@ def draw_beliefs(chart: Chart, decision, notes: dict):
         chart.label(xy[j], f"T{j}{note}", ink.INK, 2)
 
 
-def draw_truth(chart: Chart, decision, named=()):
-    """How things stood at a decision; some tasks are named."""
-    tasks, robots, operators, _ = decision.truth
-    xy = np.stack([tasks["x"], tasks["y"]], axis=-1)
-    for j in np.flatnonzero(tasks["released"]):
-        chart.task(xy[j], tasks["type"][j], tasks["status"][j], tasks["progress"][j])
-    for h in np.argsort(operators["session"], kind="stable"):  # who controls is drawn over who calls
-        if operators["session"][h] != Session.REST:
-            robot = robots[operators["robot"][h]]
-            chart.control(h, (robot["x"], robot["y"]), 0 if operators["session"][h] == Session.HELD else 30)
-    for r, row in enumerate(robots):
-        goal = xy[row["task"]] if row["task"] != NOBODY else None
-        chart.robot(r, (row["x"], row["y"]), goal, failed=row["activity"] == Activity.FAILED)
-    if decision.plan != NOBODY:
-        chart.mark(xy[decision.plan])
+def draw_truth(chart: Chart, trace, time: float, named=()):
+    """How things stood at `time` [s] of a trace; some tasks are named."""
+    moment = Timeline(trace, 0.0).at(time)
+    for j in np.flatnonzero(moment.released):
+        worker = moment.serviced_by[j]
+        status = Status.DONE if moment.done[j] else Status.OPEN if worker == NOBODY else Status.SERVICED
+        kind = trace.task_changed_to[j] if 0 <= trace.task_changed_at[j] <= time else trace.task_type[j]
+        chart.task(trace.task_xy[j], kind, status, moment.progress[worker])
+    for h in np.argsort(moment.session, kind="stable"):  # who controls is drawn over who calls
+        if h in chart.operators and moment.session[h] != Session.REST:
+            chart.control(h, moment.xy[moment.operator_robot[h]], 0 if moment.session[h] == Session.HELD else 30)
+    for r, xy in enumerate(moment.xy):
+        goal = trace.task_xy[moment.task[r]] if moment.task[r] != NOBODY else None
+        chart.robot(r, xy, goal, failed=moment.activity[r] == Activity.FAILED)
     for j in named:
-        chart.label(xy[j], f"T{j}", ink.INK, 2)
+        chart.label(trace.task_xy[j], f"T{j}", ink.INK, 2)

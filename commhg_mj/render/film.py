@@ -63,12 +63,23 @@ def render_video(
         raise ValueError(f"start = {start:g} s is after stop = {stop:g} s")
     if (stop - start) * fps / speed > MOST_PICTURES:
         raise ValueError(f"fps = {fps:g} at speed = {speed:g} asks for more than {MOST_PICTURES} pictures")
-    times = np.arange(start, stop + 1e-9, speed / fps)
-    chunks = [times[i : i + CHUNK] for i in range(0, len(times), CHUNK)]
     film = partial(_make_film, traces, drapes, camera, size, speed)
+    times = np.arange(start, stop + 1e-9, speed / fps)
+    write_film(out, film, times, size if len(traces) == 1 else joined_size(size), fps, workers, progress)
+
+
+def write_film(out, make_film, times, size, fps, workers=1, progress=None):
+    """Write the pictures [height, width, 3] of a film at `times` [s] as H.264.
+
+    Args:
+      make_film: makes an object with `picture(time)`, `forget_labels()` and `close()`; a partial of a module's function,
+        which every process calls.
+      size: (width, height) of the pictures.
+    """
+    chunks = [times[i : i + CHUNK] for i in range(0, len(times), CHUNK)]
     with whole_file(out) as part:
-        pictures = _in_order(film, chunks, workers)
-        write_mp4(part, _counted(pictures, len(times), progress), size if len(traces) == 1 else joined_size(size), fps)
+        pictures = _in_order(make_film, chunks, workers)
+        write_mp4(part, _counted(pictures, len(times), progress), size, fps)
 
 
 def render_image(trace, out, at=0.0, camera="overview", size=None, speed=20.0, drape=None):

@@ -3,6 +3,7 @@
 import numpy as np
 
 from ..files import whole_file
+from ..models.world import make_world
 from ..terms import NOBODY, TaskType
 from . import marks
 from . import palette as ink
@@ -15,18 +16,21 @@ EDGE, LINE, TEXT = 18, 30, 17
 N_NAMED = 5  # tasks that are named with their probability, the most preferred ones
 
 
-def knowledge_picture(world, decision, preferences, title: str, operators: list, last: str) -> np.ndarray:
+def knowledge_picture(trace, decision, preferences, title: str, operators: list, last: str) -> np.ndarray:
     """The picture in blue, green, red.
 
     Args:
-      decision: of study/reflight.py. preferences: of its task head, or None.
+      trace: the mission. decision: of study/reflight.py. preferences: of its task head, or None.
       operators: (belief, truth) in words, one pair an operator.
       last: line at the bottom.
     """
+    world = make_world(trace.scenario, trace.seed)
     believed, true = Chart(world, MAP), Chart(world, MAP)
     notes = _notes(decision, preferences)
     draw_beliefs(believed, decision, notes)
-    draw_truth(true, decision, notes)
+    draw_truth(true, trace, decision.time, notes)
+    if decision.plan != NOBODY:
+        true.mark(trace.task_xy[decision.plan])
     gap = np.full((MAP, GAP, 3), ink.TROUGH, np.uint8)
     maps = np.hstack([believed.picture(), gap, true.picture()])
     return np.vstack([_head(title), maps, _foot(decision, operators, last)])
