@@ -126,7 +126,7 @@ def test_every_command_parses(line):
     except SystemExit:
         pytest.fail(f"not a command: {line}")
     assert type(command).__name__.lower() == words[1]
-    policies, scenario = getattr(command, "policy", ()), getattr(command, "scenario", "all")
+    policies, scenario = getattr(command, "policy", None) or (), getattr(command, "scenario", "all")
     policies = {policies} if isinstance(policies, str) else set(policies)
     assert all(policy in POLICIES or policy.endswith("/weights.safetensors") for policy in policies)
     assert scenario in (*SCENARIOS, "all") or scenario.endswith(".toml")

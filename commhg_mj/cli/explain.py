@@ -36,18 +36,17 @@ class Explain:
         trace = load_trace(self.trace)
         flight = Reflight(trace, self.policy, str(self.trace))
         decision, names = last_decision(flight, self.robot, self.at), trace.scenario.robot_names
-        out = picture_path(self.out, f"{self.trace.stem}-{self.robot}-{self.at:g}.png")
         look = flight.preferences()
         preferences = look and look(decision.seen)
-        say(headline(decision, names))
+        head, chosen = headline(decision, names), f"chose: {choice_words(decision)}"
+        out = picture_path(self.out, f"{self.trace.stem}-{self.robot}-{self.at:g}.png")
+        title = f"{self.trace.stem}, {head}"
+        draw_knowledge(out, trace, decision, preferences, title, operator_sides(decision, names), chosen)
+        say(head)
         OUT.print(task_table(decision, names, preferences))
         OUT.print(operator_table(decision, names, preferences))
         OUT.print(peer_table(decision, names))
-        chosen = f"chose: {choice_words(decision)}"
         say(chosen)
-        operators = operator_sides(decision, names)
-        title = f"{self.trace.stem}, {headline(decision, names)}"
-        draw_knowledge(out, trace, decision, preferences, title, operators, chosen)
         say(f"wrote {out}")
 
 
@@ -67,6 +66,8 @@ class Cases:
     """processes"""
 
     def __call__(self):
+        load_mujoco()
+        from ..render.case import draw_case, film_case
         from ..study.cases import case_captions, case_table, cases_of
         from ..study.fly import spread
 
@@ -78,19 +79,14 @@ class Cases:
             found = spread(cases_of, jobs, self.workers, lambda _: advance(1))
         cases = [(path, case) for path, cases in zip(self.traces, found) for case in cases]
         if not cases:
-            say(f"no case in {len(self.traces)} missions")
+            say(f"no case in {len(self.traces)} mission{'s' * (len(self.traces) > 1)}")
             return
         cases.sort(key=lambda item: item[1].weight, reverse=True)
-        OUT.print(case_table(cases, names))
         path, case = cases[0]
-        self._draw(path, case, case_captions(case, load_trace(path)))
-
-    def _draw(self, path, case, captions):
-        load_mujoco()
-        from ..render.case import draw_case, film_case
-
         trace, out = load_trace(path), picture_path(self.out, f"case-{path.stem}.png")
+        captions = case_captions(case, trace)
         draw_case(out, trace, case, captions)
+        OUT.print(case_table(cases, names))
         say(f"wrote {out}")
         if self.clip:
             with progress("rendering", 1) as advance:
