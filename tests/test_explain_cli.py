@@ -33,6 +33,12 @@ def test_explain_prints_tables_and_draws(run, traces, tmp_path):
     assert (left != right).any()
 
 
+def test_the_privileged_reference_is_marked(run, traces):
+    assert run("run", "--scenario", traces / "tiny.toml", "--policy", "omniscient", "--out", ".", "--json")[0] == 0
+    out = run("explain", "tiny-omniscient-0.npz", "--robot", "uav0", "--at", 9, "--out", "x.png")[1]
+    assert "PRIVILEGED" in out and "preferred" not in out
+
+
 def test_cases_lists_and_draws_the_best(run, traces, tmp_path):
     code, out, _ = run("cases", *sorted(traces.glob("*.npz")), "--out", "case.png", "--no-clip", "--workers", 1)
     assert code == 0 and "small-random-0" in out and out.endswith("wrote case.png\n")

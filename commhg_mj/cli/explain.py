@@ -6,6 +6,7 @@ from pathlib import Path
 import tyro
 
 from ..mission.trace import load_trace
+from ..pilots import find_policy
 from .console import OUT, at_least, check_png, load_mujoco, make_folder, progress, say
 
 RENDERS = Path("renders")  # where pictures go by default
@@ -28,6 +29,7 @@ class Explain:
 
     def __call__(self):
         load_mujoco()
+        from ..models.world import make_world
         from ..render.knowledge import draw_knowledge
         from ..study.knowledge import choice_words, headline, operator_sides, operator_table, peer_table, task_table
         from ..study.reflight import Reflight, last_decision
@@ -38,10 +40,12 @@ class Explain:
         decision, names = last_decision(flight, self.robot, self.at), trace.scenario.robot_names
         look = flight.preferences()
         preferences = look and look(decision.seen)
-        head, chosen = headline(decision, names), f"chose: {choice_words(decision)}"
+        mark = " (PRIVILEGED REFERENCE: decided by the true state)" if find_policy(flight.policy).is_privileged else ""
+        head, chosen = headline(decision, names), f"chose: {choice_words(decision)}{mark}"
         out = picture_path(self.out, f"{self.trace.stem}-{self.robot}-{self.at:g}.png")
         title = f"{self.trace.stem}, {head}"
-        draw_knowledge(out, trace, decision, preferences, title, operator_sides(decision, names), chosen)
+        world = make_world(trace.scenario, trace.seed)
+        draw_knowledge(out, world, decision, preferences, title, operator_sides(decision, names), chosen)
         say(head)
         OUT.print(task_table(decision, names, preferences))
         OUT.print(operator_table(decision, names, preferences))

@@ -11,6 +11,7 @@ from . import palette as ink
 from .canvas import Canvas, text_width
 from .chart import Chart, draw_beliefs, draw_truth
 from .film import SHOWN_FOR, Film, write_film
+from .scene import scene_of_trace
 from .video import write_png
 
 PANEL, GAP, EDGE = 600, 10, 16  # pixels
@@ -67,16 +68,16 @@ def _draw_asked(chart, trace, case):
     """As things were when the operator replied."""
     second = int(case.replied)
     chart.ask(trace.robot_xy[second, case.robot])
-    draw_truth(chart, trace, second, [case.left])
+    draw_truth(chart, scene_of_trace(trace, second), [case.left])
     chart.mark(trace.robot_xy[second, case.robot])
     _name_operator(chart, case, _does(trace, second, case.operator))
 
 
 def _draw_after(chart, trace, case):
     """As things were when the choice had taken effect."""
-    second = min(case.answered.time + 1, trace.ticks)
+    second = case.settled
     chart.plan(trace.robot_xy[second, case.robot], trace.task_xy[case.taken])
-    draw_truth(chart, trace, second, [case.left, case.taken])
+    draw_truth(chart, scene_of_trace(trace, second), [case.left, case.taken])
     _name_operator(chart, case, _does(trace, second, case.operator))
 
 
@@ -110,7 +111,7 @@ def film_case(out, trace, case, captions: list, workers=2, progress=None) -> Non
       RuntimeError: OpenGL is missing.
     """
     said = [(second, " ".join(lines[:2])) for second, _, lines in captions]
-    times = np.arange(max(0, case.asked.time - BEFORE), min(case.answered.time + AFTER, trace.ticks) + 1e-9, SPEED / FPS)
+    times = np.arange(max(0, case.asked.time - BEFORE), min(case.settled + AFTER, trace.ticks) + 1e-9, SPEED / FPS)
     film = partial(CaptionedFilm, trace, trace.scenario.robot_names[case.robot], said)
     write_film(out, film, times, (SIZE[0], SIZE[1] + STRIP), FPS, workers, progress)
 

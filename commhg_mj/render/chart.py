@@ -8,7 +8,7 @@ from . import palette as ink
 from .canvas import Canvas, text_width
 from .labels import Label, place_labels
 from .minimap import draw_ground
-from .moment import Timeline
+from .scene import Scene
 
 FADE = 90.0  # s: a record's ink fades as exp(-age / FADE)
 FAINTEST = 0.25
@@ -148,19 +148,15 @@ def draw_beliefs(chart: Chart, decision, notes: dict):
         chart.label(xy[j], f"T{j}{note}", ink.INK, 2)
 
 
-def draw_truth(chart: Chart, trace, time: float, named=()):
-    """How things stood at `time` [s] of a trace; some tasks are named."""
-    moment = Timeline(trace, 0.0).at(time)
-    for j in np.flatnonzero(moment.released):
-        worker = moment.serviced_by[j]
-        status = Status.DONE if moment.done[j] else Status.OPEN if worker == NOBODY else Status.SERVICED
-        kind = trace.task_changed_to[j] if 0 <= trace.task_changed_at[j] <= time else trace.task_type[j]
-        chart.task(trace.task_xy[j], kind, status, moment.progress[worker])
-    for h in np.argsort(moment.session, kind="stable"):  # who controls is drawn over who calls
-        if h in chart.operators and moment.session[h] != Session.REST:
-            chart.control(h, moment.xy[moment.operator_robot[h]], 0 if moment.session[h] == Session.HELD else 30)
-    for r, xy in enumerate(moment.xy):
-        goal = trace.task_xy[moment.task[r]] if moment.task[r] != NOBODY else None
-        chart.robot(r, xy, goal, failed=moment.activity[r] == Activity.FAILED)
+def draw_truth(chart: Chart, scene: Scene, named=()):
+    """How things stood; some tasks are named."""
+    xy = scene.task_xy
+    for j in np.flatnonzero(scene.released):
+        chart.task(xy[j], scene.kind[j], scene.status[j], scene.progress[j])
+    for h in np.argsort(scene.session, kind="stable"):  # who controls is drawn over who calls
+        if h in chart.operators and scene.session[h] != Session.REST:
+            chart.control(h, scene.robot_xy[scene.operator_robot[h]], 0 if scene.session[h] == Session.HELD else 30)
+    for r, task in enumerate(scene.robot_task):
+        chart.robot(r, scene.robot_xy[r], xy[task] if task != NOBODY else None, failed=scene.activity[r] == Activity.FAILED)
     for j in named:
-        chart.label(trace.task_xy[j], f"T{j}", ink.INK, 2)
+        chart.label(xy[j], f"T{j}", ink.INK, 2)

@@ -3,12 +3,12 @@
 import numpy as np
 
 from ..files import whole_file
-from ..models.world import make_world
 from ..terms import NOBODY, TaskType
 from . import marks
 from . import palette as ink
 from .canvas import Canvas, text_width
 from .chart import Chart, draw_beliefs, draw_truth, opacity
+from .scene import scene_of_state
 from .video import write_png
 
 MAP, GAP = 800, 12  # pixels
@@ -16,21 +16,21 @@ EDGE, LINE, TEXT = 18, 30, 17
 N_NAMED = 5  # tasks that are named with their probability, the most preferred ones
 
 
-def knowledge_picture(trace, decision, preferences, title: str, operators: list, last: str) -> np.ndarray:
+def knowledge_picture(world, decision, preferences, title: str, operators: list, last: str) -> np.ndarray:
     """The picture in blue, green, red.
 
     Args:
-      trace: the mission. decision: of study/reflight.py. preferences: of its task head, or None.
+      decision: of study/reflight.py. preferences: of its task head, or None.
       operators: (belief, truth) in words, one pair an operator.
       last: line at the bottom.
     """
-    world = make_world(trace.scenario, trace.seed)
     believed, true = Chart(world, MAP), Chart(world, MAP)
     notes = _notes(decision, preferences)
     draw_beliefs(believed, decision, notes)
-    draw_truth(true, trace, decision.time, notes)
+    scene = scene_of_state(*decision.truth[:3])
+    draw_truth(true, scene, notes)
     if decision.plan != NOBODY:
-        true.mark(trace.task_xy[decision.plan])
+        true.mark(scene.task_xy[decision.plan])
     gap = np.full((MAP, GAP, 3), ink.TROUGH, np.uint8)
     maps = np.hstack([believed.picture(), gap, true.picture()])
     return np.vstack([_head(title), maps, _foot(decision, operators, last)])
@@ -47,15 +47,13 @@ def draw_knowledge(out, *arguments):
 
 
 def _notes(decision, preferences) -> dict:
-    """What is written beside the tasks that matter: the plan, and the most preferred ones."""
-    notes = {decision.plan: ""} if decision.plan != NOBODY else {}
-    if preferences is not None:
-        best = np.argsort(-preferences.task, kind="stable")[:N_NAMED]
-        notes |= {int(j): f" {preferences.task[j]:.0%}" for j in best if preferences.task[j] > 0}
-    held = int(decision.itself["task"])
-    if held != NOBODY:
-        notes[held] = " held" if preferences is None else f" KEEP {preferences.keep:.0%}"
-    return notes
+    """What is written beside the tasks that matter: the most preferred ones, the plan, and the one held."""
+    held, plan = int(decision.itself["task"]), decision.plan
+    if preferences is None:
+        return {j: " held" if j == held else "" for j in (plan, held) if j != NOBODY}
+    best = np.argsort(-preferences.task, kind="stable")[:N_NAMED]
+    notes = {int(j): f" {preferences.task[j]:.0%}" for j in (*best, plan) if j != NOBODY and preferences.task[j] > 0}
+    return notes | ({held: f" KEEP {preferences.keep:.0%}"} if held != NOBODY else {})
 
 
 def _head(title):

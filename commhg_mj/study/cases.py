@@ -50,11 +50,22 @@ class Case:
         return self.answered.time - float(self.answered.operators["age"][self.operator])
 
     @property
+    def settled(self) -> int:
+        """Second at which the choice has taken effect."""
+        return self.answered.time + 1
+
+    @property
     def weight(self) -> tuple:
-        """Better cases are greater: first those where the reply itself turned the choice, then those of harder tasks."""
+        """Better cases are greater.
+
+        First those where the reply itself turned the choice; then those like the paper's, whose operator still controls the
+        other robot and whose task left is the harder one.
+        """
         swing = round(self.loyalty[0] - self.loyalty[1], 2) if self.loyalty else 0.0
-        difficulty = self.asked.tasks["difficulty"]
-        return swing, float(difficulty[self.left] - difficulty[self.taken])
+        operator, difficulty = self.answered.truth.operators[self.operator], self.asked.tasks["difficulty"]
+        lasts = (operator["session"], operator["robot"]) == (Session.HELD, self.helped)
+        fall = float(difficulty[self.left] - difficulty[self.taken])
+        return swing, lasts + (fall > 0), fall
 
 
 def find_cases(decisions: Iterable[Decision]) -> list[Case]:
@@ -106,7 +117,7 @@ def cases_of(path, policy: str | None = None) -> list[Case]:
 
 def _is_granted(trace: Trace, case) -> bool:
     """Whether the robot got the task that it chose: somebody may have owned it."""
-    return trace.robot_task[min(case.answered.time + 1, trace.ticks), case.robot] == case.taken
+    return case.settled <= trace.ticks and trace.robot_task[case.settled, case.robot] == case.taken
 
 
 def _weigh(case, look: Callable) -> Case:
@@ -123,9 +134,9 @@ def _weigh(case, look: Callable) -> Case:
 
 def case_captions(case: Case, trace: Trace) -> list[tuple[int, str, list[str]]]:
     """(second, title, lines) of the three panels: expected, asked, after the reply."""
-    names, h, asked, answered = trace.scenario.robot_names, case.operator, case.asked, case.answered
+    names, h, asked = trace.scenario.robot_names, case.operator, case.asked
     robot, difficulty = names[case.robot], asked.tasks["difficulty"]
-    session, with_whom = trace.operator_session[answered.time, h], trace.operator_robot[answered.time, h]
+    session, with_whom = trace.operator_session[case.settled, h], trace.operator_robot[case.settled, h]
     still = "still " if (session, with_whom) == (Session.HELD, case.helped) else "by now "
     after = [f"{robot} leaves T{case.left} for T{case.taken} (difficulty {difficulty[case.taken]:.2f});"]
     after += [f"H{h} {still}{'is ' if session == Session.REST else ''}{session_words(session, with_whom, names)}"]
@@ -139,7 +150,7 @@ def case_captions(case: Case, trace: Trace) -> list[tuple[int, str, list[str]]]:
     return [
         (asked.time, "expected", expected),
         (round(case.replied), "asked, found busy", found),
-        (answered.time, "after the reply", after),
+        (case.settled, "after the reply", after),
     ]
 
 
@@ -152,7 +163,7 @@ def case_table(cases: list, names) -> Table:
     table = Table(title="an operator expected, asked, found busy; another task chosen", title_justify="left")
     has_heads = any(case.loyalty for _, case in cases)
     columns = ["mission", "robot", "operator", "asked at", "report's age", "reply of", "controls", "decided at", "left", "taken"]
-    for column in columns + ["would keep by report", "by reply"] * has_heads:
+    for column in columns + ["keep by old report", "by reply"] * has_heads:
         table.add_column(column)
     for path, case in cases:
         robot, asked, answered = names[path][case.robot], case.asked, case.answered

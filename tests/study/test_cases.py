@@ -6,12 +6,13 @@ import pytest
 
 from commhg_mj.learning.preferences import Preferences
 from commhg_mj.mission.observe import OPERATOR_SEEN, PEER_SEEN, ROBOT_SEES, TASK_SEEN, Observations
+from commhg_mj.mission.state import OPERATOR
 from commhg_mj.mission.trace import load_trace
 from commhg_mj.render.case import SIZE, STRIP, CaptionedFilm, draw_case
 from commhg_mj.scenarios import SCENARIOS
 from commhg_mj.study.cases import Case, _weigh, case_captions, case_table, cases_of, find_cases
 from commhg_mj.study.fly import fly
-from commhg_mj.study.reflight import Decision
+from commhg_mj.study.reflight import Decision, Truth
 from commhg_mj.terms import IDLE, KEEP, NOBODY, Fate, Kind, Session
 
 HARD, EASY = 2, 1  # tasks
@@ -32,7 +33,10 @@ def decision(time, choice=KEEP, query=NOBODY, report=None, robot=ME, held=HARD, 
         operators["age"][0, H], operators["session"][0, H], operators["robot"][0, H] = report
     none = np.zeros(0)
     seen = Observations(itself, tasks, np.zeros((1, 4), PEER_SEEN), operators, none, none)
-    return Decision(robot, time, seen, None, choice, False, query, False)
+    truth = Truth(None, None, np.zeros(2, OPERATOR), None)
+    if report:
+        truth.operators["session"][H], truth.operators["robot"][H] = report[1:]
+    return Decision(robot, time, seen, truth, choice, False, query, False)
 
 
 FREE, BUSY = (80, Session.REST, NOBODY), (4, Session.HELD, OTHER)
@@ -102,9 +106,10 @@ def test_the_old_report_ages_in_the_comparison():
 
 
 def test_the_best_case():
-    """First whose reply changed the choice most, then who gave up the harder task."""
-    one, other = Case(*history(), H), Case(*history(turns=dict(choice=3)), H)
-    assert one.weight > other.weight
+    """First whose reply changed the choice most, then whose operator stays where it is and who left the harder task."""
+    one, other, over = (Case(*history(turns=dict(choice=task)), H) for task in (EASY, 3, EASY))
+    over.answered.truth.operators["session"][H] = Session.REST
+    assert one.weight > other.weight > over.weight
     assert Case(*history(turns=dict(choice=3)), H, (0.5, 0.2)).weight > Case(*history(), H, (0.5, 0.3)).weight > one.weight
 
 
@@ -142,7 +147,7 @@ def test_table_and_captions_tell_it(found):
     said = " ".join(line for *_, lines in case_captions(case, trace) for line in lines)
     for word in (names[case.robot], names[case.helped], f"T{case.left}", f"T{case.taken}", f"H{case.operator}"):
         assert word in said
-    assert [second for second, *_ in case_captions(case, trace)] == [case.asked.time, case.replied, case.answered.time]
+    assert [second for second, *_ in case_captions(case, trace)] == [case.asked.time, case.replied, case.settled]
 
 
 def test_the_figure_and_a_picture_of_the_clip(found, tmp_path):
