@@ -1,6 +1,7 @@
 """Policies by name: the references, trained methods that come with the package, and files of weights."""
 
-from functools import cache, partial
+import os
+from functools import lru_cache, partial
 from pathlib import Path
 
 from .mission.batch import MissionBatch
@@ -71,8 +72,17 @@ def _fly_weights(path, batch):
     return LearnedPolicy(_load(path), batch)
 
 
-@cache
 def _load(path):
+    """The method of a file of weights, read anew once the file is another."""
+    stat = os.stat(path) if os.path.exists(path) else None
+    return _load_version(path, stat and (stat.st_mtime_ns, stat.st_size))
+
+
+@lru_cache(maxsize=16)
+def _load_version(path, version):
+    import torch
+
     from .learning.weights import load_weights
 
+    torch.set_num_threads(1)  # processes fly side by side, and the networks are small
     return load_weights(path)[0]

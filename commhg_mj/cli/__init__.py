@@ -31,10 +31,10 @@ def main(arguments=None) -> int:
     except BrokenPipeError:  # the reader of our output, such as head, has gone
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
-    except (ValueError, RuntimeError, OSError, MemoryError) as error:
+    except (ValueError, RuntimeError, OSError, MemoryError, FloatingPointError) as error:
         say(f"commhg-mj: {str(error) or 'not enough memory'}", LOG, style="red")
         return 2
-    except KeyboardInterrupt:
-        say("interrupted", LOG)
+    except KeyboardInterrupt as interrupt:
+        say(str(interrupt) or "interrupted", LOG)
         return 130
     return 0

@@ -1,6 +1,7 @@
 """Commands that train policies and score them on held-out missions."""
 
 import dataclasses
+import shlex
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -36,29 +37,45 @@ class Train:
     """of communication"""
     resume: bool = False
     """go on with the run in --out; its own options count"""
+    tensorboard: bool = False
+    """insist on TensorBoard's scalars, which go into --out whenever that package is installed"""
 
     def __call__(self):
+        from ..learning.log import find_writer
+        from ..learning.train import Training
+
+        if self.minutes is not None and not self.minutes > 0:
+            raise ValueError(f"--minutes must be more than 0, is {self.minutes}")
+        if self.tensorboard and find_writer() is None:
+            raise ValueError("--tensorboard: the package is not installed: pip install 'commhg_mj[tensorboard]'")
+        training = Training.resume(self.out) if self.resume else self._begin()
+        try:
+            self._run(training)
+        except KeyboardInterrupt:
+            again = f"commhg-mj train --resume --out {shlex.quote(str(self.out))}"
+            raise KeyboardInterrupt(f"interrupted; to go on from the last whole update: {again}") from None
+
+    def _begin(self):
+        """A new run, saved once, so that there is something to resume from its first moment on."""
         from ..learning.ppo import Hyper
         from ..learning.registry import find_method
         from ..learning.train import STATE, Plan, Training
 
-        if self.resume:
-            training = Training.resume(self.out)
-        else:
-            if (self.out / STATE).exists():
-                raise ValueError(f"--out {self.out} holds a run already: --resume continues it")
-            find_method(self.method)
-            find_link_model(self.links)
-            check_seed(self.seed)
-            for name in ("missions", "side_by_side"):
-                at_least(name.replace("_", "-"), getattr(self, name), 1)
-            make_folder(self.out)
-            plan = Plan(
-                self.method, load_scenario(self.scenario), self.seed, self.links, self.limitation, self.missions,
-                self.side_by_side, init=self.init, hyper=Hyper(),
-            )  # fmt: skip
-            training = Training(plan, self.out)
-        self._run(training)
+        if (self.out / STATE).exists():
+            raise ValueError(f"--out {self.out} holds a run already: --resume continues it")
+        find_method(self.method)
+        find_link_model(self.links)
+        check_seed(self.seed)
+        for name in ("missions", "side_by_side"):
+            at_least(name.replace("_", "-"), getattr(self, name), 1)
+        plan = Plan(
+            self.method, load_scenario(self.scenario), self.seed, self.links, self.limitation, self.missions,
+            self.side_by_side, init=self.init, hyper=Hyper(),
+        )  # fmt: skip
+        training = Training(plan, self.out)
+        make_folder(self.out)
+        training.save()
+        return training
 
     def _run(self, training):
         from ..learning.train import WEIGHTS
@@ -66,8 +83,8 @@ class Train:
         limit = float("inf") if self.minutes is None else 60.0 * self.minutes
         while not training.is_done and training.cpu_seconds < limit:
             row = training.update()
-            training.save()
             training.log(row)
+            training.save()
             say(
                 f"update {row['update']:4d}  missions {row['missions']:5d}/{training.plan.missions}  TWCR {row['twcr']:.3f}  "
                 f"KL {row['kl']:.4f}  entropy {row['entropy']:.3f}  {row['rate']:5.0f} decisions/CPU-s", LOG,

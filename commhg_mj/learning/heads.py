@@ -3,6 +3,7 @@
 A component with one legal choice, or one that is not the policy's to make, enters neither likelihood nor entropy.
 """
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -11,8 +12,10 @@ from torch import Tensor
 from torch.nn.functional import logsigmoid
 
 from ..terms import IDLE, KEEP, NOBODY
+from .draws import OPERATOR, ROBOT
 
 ILLEGAL = -1e9  # a masked logit
+FIXED, GATE, ASSIST, QUERY, TASKS = 0, 2, 4, 8, 64  # first components of a robot's noise
 
 
 class RobotLogits(NamedTuple):
@@ -114,17 +117,17 @@ def choose_robots(logits: RobotLogits, graphs, rng, is_greedy: bool) -> RobotCho
     """Sample robots' choices, or take each component's best.
 
     Args:
-      graphs: `graphs.RobotGraphs` of arrays. rng: numpy Generator.
+      graphs: `graphs.RobotGraphs` of arrays. rng: numpy Generator, or `draws.Draws` of these robots.
     """
-    noise = _no_noise if is_greedy else rng.gumbel
-    n = len(graphs.itself)
-    fixed = np.where(graphs.keep_idle, logits.keep_idle.numpy() + noise(size=(n, 2)), ILLEGAL)
-    edges = np.where(graphs.task_legal, logits.task.numpy() + noise(size=len(graphs.task)), ILLEGAL)
+    noise, n = _noise(rng, ROBOT, is_greedy), len(graphs.itself)
+    each = np.arange(n)
+    rows = np.repeat(each, np.diff(graphs.task_ptr))
+    fixed = np.where(graphs.keep_idle, logits.keep_idle.numpy() + noise(each[:, None], FIXED + np.arange(2)), ILLEGAL)
+    edges = np.where(graphs.task_legal, logits.task.numpy() + noise(rows, TASKS + graphs.task), ILLEGAL)
     best = np.where(fixed[:, 0] >= fixed[:, 1], KEEP, IDLE)
     top = fixed.max(axis=1)
     # The best edge of each row: edges in rising order of score, the last one written wins.
     order = np.argsort(edges, kind="stable")
-    rows = np.repeat(np.arange(n), np.diff(graphs.task_ptr))
     edge = np.full(n, NOBODY)
     edge[rows[order]] = order
     wins = (edge >= 0) & (edges[edge] > top) if len(edges) else np.zeros(n, bool)
@@ -132,24 +135,29 @@ def choose_robots(logits: RobotLogits, graphs, rng, is_greedy: bool) -> RobotCho
     gate, assist = np.zeros(n, bool), np.zeros(n, bool)
     query = np.full(n, NOBODY)
     if logits.gate is not None:
-        gate = graphs.gate & (logits.gate.numpy() + _logistic(noise, n) > 0.0)
+        gate = graphs.gate & (logits.gate.numpy() + noise(each, GATE) - noise(each, GATE + 1) > 0.0)
     if logits.query is not None:
         legal = np.concatenate([np.ones((n, 1), bool), graphs.query], axis=1)
-        query = np.where(legal, logits.query.numpy() + noise(size=legal.shape), ILLEGAL).argmax(axis=1) - 1
+        query = _best(logits.query, legal, noise, QUERY) - 1
     if logits.assist is not None:
-        assist = graphs.assist & (query == NOBODY) & (logits.assist.numpy() + _logistic(noise, n) > 0.0)
+        assist = graphs.assist & (query == NOBODY) & (logits.assist.numpy() + noise(each, ASSIST) - noise(each, ASSIST + 1) > 0.0)
     return RobotChoices(task, gate, query, assist)
 
 
 def choose_operators(logits: Tensor, legal: np.ndarray, rng, is_greedy: bool) -> np.ndarray:
     """Sample operators' choices [K] among KEEP, REST and robots, or take the best."""
-    noise = _no_noise if is_greedy else rng.gumbel
-    return np.where(legal, logits.numpy() + noise(size=legal.shape), ILLEGAL).argmax(axis=1)
+    return _best(logits, legal, _noise(rng, OPERATOR, is_greedy), 0)
 
 
-def _logistic(noise, n):
-    return noise(size=n) - noise(size=n)
+def _best(logits, legal, noise, first):
+    n, width = legal.shape
+    return np.where(legal, logits.numpy() + noise(np.arange(n)[:, None], first + np.arange(width)), ILLEGAL).argmax(axis=1)
 
 
-def _no_noise(size):
-    return np.zeros(size)
+def _noise(rng, role, is_greedy):
+    """What gives Gumbel noise for (rows, components) that broadcast."""
+    if is_greedy:
+        return lambda rows, components: 0.0
+    if isinstance(rng, np.random.Generator):
+        return lambda rows, components: rng.gumbel(size=np.broadcast(rows, components).shape)
+    return partial(rng, role)

@@ -1,6 +1,5 @@
 """Training: collect, update, remember; a run is a folder, and goes on to the same bits after any interruption."""
 
-import csv
 import dataclasses
 import json
 import time
@@ -13,13 +12,14 @@ import torch
 from ..files import whole_file
 from ..policies import POLICIES
 from ..scenarios import Scenario, from_json, to_json
+from .log import Log
 from .ppo import Hyper, Learner
 from .registry import find_method
 from .rollout import Collector
 from .weights import load_weights, save_weights
 
 FORMAT = "commhg_mj training 1"
-STATE, WEIGHTS, LOG = "state.pt", "weights.safetensors", "log.csv"
+STATE, WEIGHTS = "state.pt", "weights.safetensors"
 TRAINING_SEEDS = 10**6  # missions of training seed s begin at (1 + s) times this; evaluation stays far below
 RECENT = 100  # missions whose mean TWCR is shown
 
@@ -45,17 +45,20 @@ class Training:
 
     >>> training = Training(plan, "runs/x")
     >>> while not training.is_done:
-    ...     print(training.update())
+    ...     training.log(training.update())
     ...     training.save()
+
+    Args:
+      state: where the run stood, for `resume`; None: at its beginning.
     """
 
-    def __init__(self, plan: Plan, folder):
+    def __init__(self, plan: Plan, folder, state: dict | None = None):
         torch.set_num_threads(1)
         self.plan, self.folder = plan, Path(folder)
         self.rng = np.random.default_rng([plan.seed, 0])
         torch.manual_seed(plan.seed)
         self.method = find_method(plan.method)()
-        if plan.init:
+        if plan.init and state is None:
             self._begin_with(plan.init)
         self.learner = Learner(self.method, plan.hyper)
         first = (1 + plan.seed) * TRAINING_SEEDS
@@ -63,6 +66,16 @@ class Training:
             self.method, plan.scenario, first, plan.side_by_side, plan.links, plan.limitation, self.rng
         )  # fmt: skip
         self.updates, self.decisions, self.cpu_seconds = 0, 0, 0.0
+        self.written = None
+        if state is not None:
+            self._go_on_from(state)
+
+    def _go_on_from(self, state):
+        self.method.load_state_dict(state["method"])
+        self.learner.optimizer.load_state_dict(state["optimizer"])
+        self.collector.load_state_dict(state["collector"])
+        self.rng.bit_generator.state = state["rng"]
+        self.updates, self.decisions, self.cpu_seconds = state["counts"]
 
     def _begin_with(self, path):
         other, _ = load_weights(path)
@@ -84,14 +97,20 @@ class Training:
         return self.updates < self.plan.clone_updates and not self.plan.init
 
     def update(self) -> dict:
-        """Collect and learn once; what happened, by name."""
+        """Collect and learn once; what happened, by name.
+
+        Raises:
+          FloatingPointError: a number is none; what was saved before stays as it is.
+        """
         start, hyper, collector = time.process_time(), self.plan.hyper, self.collector
         teacher = POLICIES["greedy"].make(collector.batch) if self.is_cloning else None
         self.learner.set_rate(1.0 - self.missions / self.plan.missions)
         data = collector.collect(hyper.decisions, self.method.critic, self.method.scale, hyper.gamma, hyper.lam, teacher)
         stats = self.learner.update(data, self.rng, self.is_cloning)
-        if not all(np.isfinite(value) for value in stats.values()):
-            raise FloatingPointError(f"update {self.updates}: {stats}")
+        wrong = ", ".join(f"{name} is {value}" for name, value in stats.items() if not np.isfinite(value))
+        if wrong:
+            before = f"{self.folder} keeps what was saved before it, to resume or to analyse"
+            raise FloatingPointError(f"update {self.updates + 1}: {wrong}: the training has diverged; {before}")
         self.updates += 1
         self.decisions += len(data.robot_state)
         seconds = time.process_time() - start
@@ -102,8 +121,9 @@ class Training:
         return facts | stats
 
     def save(self) -> None:
-        """Write the run's state, its weights and nothing half; the state is what counts."""
+        """Write the run's weights, then its state, and nothing half; the state is what counts."""
         self.folder.mkdir(parents=True, exist_ok=True)
+        save_weights(self.method, self.folder / WEIGHTS, self.facts())
         state = {
             "format": FORMAT, "plan": plan_to_json(self.plan), "method": self.method.state_dict(),
             "optimizer": self.learner.optimizer.state_dict(), "collector": self.collector.state_dict(),
@@ -111,7 +131,6 @@ class Training:
         }  # fmt: skip
         with whole_file(self.folder / STATE) as draft:
             torch.save(state, draft)
-        save_weights(self.method, self.folder / WEIGHTS, self.facts())
 
     def facts(self) -> dict:
         """What a model card says of the training."""
@@ -119,15 +138,9 @@ class Training:
         return {"plan": json.loads(plan_to_json(self.plan)), "cpu_seconds": round(self.cpu_seconds), **counts}
 
     def log(self, row: dict) -> None:
-        """Append a row to the run's log."""
-        path = self.folder / LOG
-        is_new = not path.exists()
-        self.folder.mkdir(parents=True, exist_ok=True)
-        with open(path, "a", newline="") as file:
-            writer = csv.DictWriter(file, list(row))
-            if is_new:
-                writer.writeheader()
-            writer.writerow(row)
+        """Append an update's row to the run's log; before `save`, as a resumed run writes it again."""
+        self.written = self.written or Log(self.folder, row)
+        self.written.write(row)
 
     @classmethod
     def resume(cls, folder) -> "Training":
@@ -138,20 +151,14 @@ class Training:
         """
         path = Path(folder) / STATE
         try:
-            state = torch.load(path, weights_only=True)
-            if state["format"] != FORMAT:
-                raise ValueError(f"{path} is of another format: {state['format']}")
-            training = cls(plan_from_json(state["plan"]), folder)
-            training.method.load_state_dict(state["method"])
-            training.learner.optimizer.load_state_dict(state["optimizer"])
-            training.collector.load_state_dict(state["collector"])
-            training.rng.bit_generator.state = state["rng"]
-            training.updates, training.decisions, training.cpu_seconds = state["counts"]
+            state = dict(torch.load(path, weights_only=True))
+            if state["format"] == FORMAT:
+                return cls(plan_from_json(state["plan"]), folder, state)
         except FileNotFoundError:
             raise ValueError(f"{path}: there is no run to resume") from None
-        except (OSError, KeyError, TypeError, RuntimeError, EOFError) as error:
-            raise ValueError(f"{path} is damaged or no training ({type(error).__name__})") from None
-        return training
+        except Exception as error:  # files are damaged in more ways than torch, JSON and our own rules have errors for
+            raise ValueError(f"{path} is damaged or no training ({type(error).__name__})") from error
+        raise ValueError(f"{path} is of another format: {state['format']}")
 
 
 def plan_to_json(plan: Plan) -> str:

@@ -9,9 +9,11 @@ from safetensors.torch import save_file
 from ..files import whole_file
 from .graphs import N_OPERATOR, N_PEER, N_PUBLIC, N_REPORT, N_RESOURCE, N_ROBOT, N_TASK_EDGE
 from .registry import find_method
+from .states import N_GLOBAL, N_STATE_OPERATOR, N_STATE_ROBOT, N_STATE_TASK
 
 FORMAT = "commhg_mj weights 1"
-SCHEMA = json.dumps([N_ROBOT, N_PUBLIC, N_TASK_EDGE, N_PEER, N_RESOURCE, N_OPERATOR, N_REPORT])  # widths of features
+ACTORS = [N_ROBOT, N_PUBLIC, N_TASK_EDGE, N_PEER, N_RESOURCE, N_OPERATOR, N_REPORT]
+SCHEMA = json.dumps([*ACTORS, N_STATE_ROBOT, N_STATE_OPERATOR, N_STATE_TASK, N_GLOBAL])  # widths of features
 
 
 def save_weights(method, path, facts: dict) -> None:
@@ -37,11 +39,18 @@ def load_weights(path):
         raise ValueError(f"weights {path}: {str(error).splitlines()[0]}") from None
     if metadata.get("format") != FORMAT:
         raise ValueError(f"{path} holds no weights of this version ({FORMAT}), but {metadata.get('format')}")
-    method = find_method(metadata["method"])()
     if metadata.get("schema") != SCHEMA:
         raise ValueError(f"{path} was trained with other features than this version has")
     try:
+        method = find_method(metadata.get("method"))()
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+    try:
+        facts = json.loads(metadata.get("facts", ""))
+    except ValueError:
+        raise ValueError(f"{path}: its facts are no JSON") from None
+    try:
         method.load_state_dict(tensors)
     except RuntimeError as error:
-        raise ValueError(f"{path} does not fit {metadata['method']}: {str(error).splitlines()[-1].strip()}") from None
-    return method.eval(), json.loads(metadata["facts"])
+        raise ValueError(f"{path} does not fit {method.name}: {str(error).splitlines()[-1].strip()}") from None
+    return method.eval(), facts
