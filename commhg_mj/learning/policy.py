@@ -22,4 +22,4 @@ class LearnedPolicy:
         self.seeds = np.array(batch.seeds, np.uint64)
 
     def __call__(self, observations):
-        return self.pilot.decide(observations, self.public, Draws(self.seeds, observations), self.is_greedy)[-1]
+        return self.pilot.decide(observations, self.public, Draws(self.seeds, observations), self.is_greedy).decisions

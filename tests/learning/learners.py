@@ -122,9 +122,12 @@ def experience(rows, robot_choices, robot_advantage, operator_choices=(), operat
     robot_advantage = np.asarray(robot_advantage, float).reshape(n, 2)
     operator_advantage = np.asarray(operator_advantage, float).reshape(k, 2)
     operators = operator_graphs(k, 3)._replace(operator=np.zeros(k, np.int64))
+    # Made by indifferent logits: gate and query have two choices each, operators three that are not -50.
+    log_prob = np.array([np.log(0.5) * (row.gate + any(row.query)) for row in rows], np.float32)
     return Experience(
         random_states(max(n, k)), graphs, operators, public, robot_choices, np.array(operator_choices, np.int64),
-        np.arange(n), np.arange(k), robot_advantage, operator_advantage, robot_advantage, operator_advantage,
+        log_prob, np.full(k, np.log(1 / 3), np.float32), np.arange(n), np.arange(k),
+        robot_advantage, operator_advantage, robot_advantage, operator_advantage,
     )  # fmt: skip
 
 

@@ -116,7 +116,7 @@ def test_a_method_decides_from_observations_alone(name):
 @every_method
 def test_a_method_uses_what_it_may_know(name):
     """The check above can fail: other observations, other decisions."""
-    batch = fly(MissionBatch(LONG, range(8)), Wanderer(), 40)
+    batch = fly(MissionBatch(LONG, range(40)), Wanderer(), 40)
     seen, decisions, rng = batch.observations, [], np.random.default_rng(0)
     torch.manual_seed(0)
     method, other = shaken(find_method(name)(), scale=2.0), copied(seen)

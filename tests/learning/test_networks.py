@@ -15,11 +15,11 @@ from learners import (
 from torch import nn
 
 from commhg_mj.learning.batches import operator_batch, pick_robots, robot_batch
-from commhg_mj.learning.critic import Critic
+from commhg_mj.learning.critic import Agents, Critic
 from commhg_mj.learning.graphs import N_TASK_EDGE
 from commhg_mj.learning.methods.commhg import ROUNDS, CommHG, OperatorActor, RobotActor
 from commhg_mj.learning.networks import LARGEST_LOGIT, MESSAGE, NODE, Relation, Update
-from commhg_mj.learning.ragged import Edges, rows_of
+from commhg_mj.learning.ragged import Edges
 from commhg_mj.learning.states import States
 
 BIG = 100.0
@@ -46,7 +46,27 @@ def operator():
 
 
 def embed(actor, graphs, public):
-    return actor.embed(robot_batch(graphs, len(public)), actor.task(public))
+    batch = robot_batch(graphs, len(public))
+    return actor.embed(batch, Edges(batch.task_ptr, batch.task), torch.relu(actor.attributes(public)))
+
+
+def encoded(actor, public):
+    """[T, NODE] of tasks: what the actor never makes, since only linear maps read it."""
+    return actor.task(torch.relu(actor.attributes(public)))
+
+
+def everyone(states):
+    """Critic's arguments: the states of tensors, and every robot and operator of each."""
+    counts = states.robot.shape[1], states.operator.shape[1]
+    s = len(states.robot)
+    return States(*map(torch.from_numpy, states)), *(
+        Agents(torch.arange(s).repeat_interleave(n), torch.arange(n).repeat(s)) for n in counts
+    )
+
+
+def value_all(critic, states):
+    """(robots' [S, R, 2], operators' [S, H, 2]) values."""
+    return [values.unflatten(0, (len(states.robot), -1)) for values in critic(*everyone(states))]
 
 
 def score(actor, graphs, public=None):
@@ -77,11 +97,11 @@ def test_a_relation_is_the_mean_of_a_plain_network():
     torch.manual_seed(0)
     relation = shaken(Relation(N_TASK_EDGE))
     ptr = torch.tensor([0, 3, 3, 4, 9])
-    edges = Edges(ptr, rows_of(ptr))
-    source, edge, receiver = torch.randn(9, NODE), torch.randn(9, N_TASK_EDGE), torch.randn(4, NODE)
-    mean = relation(relation.source(source) + relation.edge(edge), receiver, edges.mean_of_sums, edges.exist)
+    source, edge, receiver = torch.randn(6, NODE), torch.randn(9, N_TASK_EDGE), torch.randn(4, NODE)
+    index = torch.tensor([0, 5, 2, 2, 1, 0, 3, 4, 5])
+    mean = relation(Edges(ptr, index), relation.edge(edge), relation.source(source), receiver)
     for i in range(4):
-        wanted = naive_mean(relation, source[ptr[i] : ptr[i + 1]], edge[ptr[i] : ptr[i + 1]], receiver[i])
+        wanted = naive_mean(relation, source[index[ptr[i] : ptr[i + 1]]], edge[ptr[i] : ptr[i + 1]], receiver[i])
         torch.testing.assert_close(mean[i], wanted, **close)
     assert torch.all(mean[1] == 0)
 
@@ -94,7 +114,7 @@ def test_a_robots_embedding_is_two_rounds_of_one_update_over_plain_means(robot):
         received = []
         for i in range(len(ROWS)):
             edges, others = slice(ptr[i], ptr[i + 1]), slice(peers[i], peers[i + 1])
-            tasks = naive_mean(robot.tasks, robot.task(public)[tensors.task[edges]], tensors.task_edge[edges], node[i])
+            tasks = naive_mean(robot.tasks, encoded(robot, public)[tensors.task[edges]], tensors.task_edge[edges], node[i])
             heard = tensors.peer_edge[others]
             received.append(torch.cat([tasks, naive_mean(robot.peers, robot.peer(heard), heard, node[i])]))
         change = robot.update.mlp(torch.cat([node, torch.stack(received)], dim=1))
@@ -139,14 +159,25 @@ def test_the_critic_sees_closed_tasks_as_nothing():
     torch.manual_seed(0)
     critic, states = shaken(Critic()), random_states(8)
     states.is_open[:3] = False
-    values = critic(States(*map(torch.from_numpy, states)))
+    values = value_all(critic, states)
     noisy = states._replace(task=np.where(states.is_open[..., None], states.task, BIG).astype(np.float32))
-    for one, two in zip(values, critic(States(*map(torch.from_numpy, noisy)))):
+    for one, two in zip(values, value_all(critic, noisy)):
         assert torch.equal(one, two)
     critic.tasks.bias += BIG
-    for one, two in zip(values, critic(States(*map(torch.from_numpy, noisy)))):
+    for one, two in zip(values, value_all(critic, noisy)):
         assert torch.equal(one[:3], two[:3])
         assert not torch.isclose(one[3:], two[3:]).any(dim=0).all()
+
+
+def test_the_critic_values_each_agent_in_its_own_state():
+    torch.manual_seed(0)
+    critic, states = shaken(Critic()), random_states(5)
+    whole = value_all(critic, states)
+    tensors = States(*map(torch.from_numpy, states))
+    at = Agents(torch.tensor([4, 0, 2]), torch.tensor([1, 2, 0])), Agents(torch.tensor([3]), torch.tensor([1]))
+    for values, wanted, asked in zip(critic(tensors, *at), whole, at):
+        torch.testing.assert_close(values, wanted[asked.state, asked.agent], **close)
+    assert whole[0].std() > 0.01
 
 
 def test_reports_that_never_came_change_nothing(operator):
@@ -229,8 +260,8 @@ def test_weights_fit_any_team(n_robots, n_operators, n_tasks):
     assert logits.query.shape == (n_robots, 1 + n_operators) and logits.task.shape == (n_robots * min(n_tasks, 3),)
     assert method.operator(operator_batch(operator_graphs(max(1, n_operators), n_robots))).shape[1] == 2 + n_robots
     states = random_states(2, n_robots, n_operators, n_tasks)
-    robots, operators = method.critic(States(*map(torch.from_numpy, states)))
-    assert robots.shape == (2, n_robots, 2) and operators.shape == (2, n_operators, 2)
+    robots, operators = method.critic(*everyone(states))
+    assert robots.shape == (2 * n_robots, 2) and operators.shape == (2 * n_operators, 2)
     assert all(torch.isfinite(values).all() for values in (robots, operators, logits.query, logits.task))
 
 

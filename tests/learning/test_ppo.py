@@ -5,13 +5,12 @@ import dataclasses
 import numpy as np
 import pytest
 import torch
-from learners import NAMES, QUICK, Row, experience, run
+from learners import NAMES, QUICK, Row, experience, run, shaken
 from torch import nn
 from torch.nn.functional import logsigmoid
 
-from commhg_mj.learning.batches import robot_batch
 from commhg_mj.learning.critic import N_PARTS, ReturnScale
-from commhg_mj.learning.heads import RobotChoices, RobotLogits, judge_robots
+from commhg_mj.learning.heads import RobotChoices, RobotLogits
 from commhg_mj.learning.ppo import Hyper, Learner
 from commhg_mj.policies import POLICIES
 from commhg_mj.terms import KEEP
@@ -31,8 +30,7 @@ class Toy(nn.Module):
         self.scale = ReturnScale()
 
     def logits(self, name, n):
-        # `update` judges the old policy without gradients.
-        return (self.now[name] if torch.is_grad_enabled() else torch.tensor(0.0)).expand(n)
+        return self.now[name].expand(n)
 
     def robot(self, graphs, public):
         n = len(graphs.itself)
@@ -43,8 +41,8 @@ class Toy(nn.Module):
         k, r = graphs.legal.shape
         return torch.cat([torch.zeros(k, 2), self.logits("robot", k)[:, None], torch.full((k, r - 1), -50.0)], dim=1)
 
-    def critic(self, states):
-        return tuple(torch.zeros(*agents.shape[:2], N_PARTS) for agents in (states.robot, states.operator))
+    def critic(self, states, *asked):
+        return tuple(torch.zeros(len(at.state), N_PARTS) for at in asked)
 
 
 def choices(gate, query):
@@ -135,51 +133,53 @@ def test_an_update_stops_where_the_policy_has_moved_too_far():
     assert steps == [1, 5]
 
 
-def collected(tmp_path, method, decisions, teacher=None):
-    """(training, experience, log-probabilities as they were when robots decided)."""
-    training = run(tmp_path, method)
-    collector, then = training.collector, []
-    decide = collector.pilot.decide
-
-    def watch(seen, public, rng, is_greedy=False):
-        result = decide(seen, public, rng, is_greedy)
-        graphs, picked = result[0], result[2]
-        if len(graphs.itself):
-            batch = robot_batch(graphs, public.shape[1])
-            with torch.no_grad():
-                logits = training.method.robot(batch, torch.from_numpy(public.reshape(-1, public.shape[2])))
-                chosen = RobotChoices(*map(torch.from_numpy, picked))
-                then.append(judge_robots(logits, batch, chosen).log_prob.numpy())
-        return result
-
-    collector.pilot.decide = watch
-    hyper = QUICK
-    data = collector.collect(decisions, training.method.critic, training.method.scale, hyper.gamma, hyper.lam, teacher)
-    return training, data, np.concatenate(then)
+def collected(tmp_path, method, decisions, teacher=False, **options):
+    """(training, experience)."""
+    training, hyper = run(tmp_path, method, **options), QUICK
+    shaken(training.method)
+    policy = POLICIES["greedy"].make(training.collector.batch) if teacher else None
+    parts = training.method.critic, training.method.scale
+    return training, training.collector.collect(decisions, *parts, hyper.gamma, hyper.lam, policy)
 
 
-# Methods that do not read the public table never notice.
+@torch.no_grad()
+def likelihoods(training, data, rows, is_cloning=False):
+    """Log-probabilities of robots' and of all operators' choices as an update judges them."""
+    learner = training.learner
+    everyone = np.arange(len(data.operator_state))
+    return learner._judge_robots(data, rows, is_cloning).log_prob, learner._judge_operators(data, everyone).log_prob
 
 
-@pytest.mark.parametrize("method, decisions", [
-    *((method, 40) for method in NAMES), *((method, 300) for method in NAMES),
-])  # fmt: skip
-def test_old_likelihoods_are_those_of_the_rollout(tmp_path, method, decisions):
-    training, data, then = collected(tmp_path, method, decisions)
-    now = training.learner._judge_all(data)[0].numpy()
-    np.testing.assert_allclose(now, then, atol=2e-4)
-    rows = np.sort(np.random.default_rng(0).permutation(len(then))[: len(then) // 2])
-    with torch.no_grad():
-        np.testing.assert_allclose(training.learner._judge_robots(data, rows).log_prob, then[rows], atol=2e-4)
+# 300 decisions: missions end on the way and others begin. Methods that do not read the public table never notice.
+@pytest.mark.parametrize("decisions", [40, 300])
+@pytest.mark.parametrize("method", NAMES)
+def test_an_update_judges_as_the_rollout_did(tmp_path, method, decisions):
+    """Same graphs, same masks, same tasks: else the first ratio is not 1."""
+    training, data = collected(tmp_path, method, decisions)
+    robots, operators = data.robot_log_prob, data.operator_log_prob
+    for rows in (np.arange(len(robots)), np.sort(np.random.default_rng(0).permutation(len(robots))[: len(robots) // 2])):
+        now = likelihoods(training, data, rows)
+        np.testing.assert_allclose(now[0], robots[rows], atol=2e-4)
+        np.testing.assert_allclose(now[1], operators, atol=2e-4)
+    assert robots.std() > 0.01 and operators.std() > 0.01
 
 
 @pytest.mark.parametrize("method", NAMES)
 def test_cloning_makes_greedys_choices_likelier(tmp_path, method):
-    training = run(tmp_path, method, hyper=dataclasses.replace(QUICK, epochs=8))
-    teacher = POLICIES["greedy"].make(training.collector.batch)
-    data = training.collector.collect(150, training.method.critic, training.method.scale, 0.99, 0.9, teacher)
+    training, data = collected(tmp_path, method, 150, teacher=True, hyper=dataclasses.replace(QUICK, epochs=8))
     spoilt = data._replace(robot_advantage=-data.robot_advantage * 7, operator_advantage=data.operator_advantage * 0 + 3)
-    before = [likely.mean().item() for likely in training.learner._judge_all(data)]
+    rows = np.arange(len(data.robot_state))
+    before = [likely.mean().item() for likely in likelihoods(training, data, rows, is_cloning=True)]
     training.learner.update(spoilt, np.random.default_rng(0), is_cloning=True)
-    after = [likely.mean().item() for likely in training.learner._judge_all(data)]
+    after = [likely.mean().item() for likely in likelihoods(training, data, rows, is_cloning=True)]
     assert after[0] > before[0] + 0.1 and after[1] > before[1]
+
+
+def test_cloning_teaches_nobody_not_to_ask(tmp_path):
+    """Greedy never asks; PPO is to find out when to."""
+    training, data = collected(tmp_path, "commhg", 150, teacher=True)
+    assert (data.robot_choices.query < 0).all()
+    training.learner.update(data, np.random.default_rng(0), is_cloning=True)
+    actor = training.method.robot
+    assert all(part.grad is None for head in (actor.query, actor.nobody, actor.query_operator) for part in head.parameters())
+    assert actor.gate[0].weight.grad is not None

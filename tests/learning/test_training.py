@@ -143,7 +143,6 @@ def test_one_mission_alone_trains(tmp_path):
     updated(run(tmp_path, side_by_side=1, clone_updates=0), 3)
 
 
-@pytest.mark.xfail(strict=True, reason="ppo._normal of no operators: mean of an empty slice")
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("method", NAMES)
 def test_a_mission_without_operators_trains_in_silence(tmp_path, method):
