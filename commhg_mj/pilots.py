@@ -12,22 +12,32 @@ from .scenarios import SCENARIOS, Scenario, load_scenario
 
 WEIGHTS = Path(__file__).parent / "learning" / "trained"  # <method>-<scenario>.safetensors
 ENDING = ".safetensors"
+VARIANTS = ("no-query", "random-gates")  # learning/policy.py's, named here so that torch is loaded by need alone
 
 
 def find_policy(name: str) -> PolicyInfo:
     """The policy of that name: a reference, a trained method such as "commhg", or a path to weights.
+
+    A learned one may lack something: "commhg+no-query", "commhg+random-gates".
 
     Raises:
       ValueError: there is none, or the file of weights is refused; the message names it.
     """
     if isinstance(name, str) and name in POLICIES:
         return POLICIES[name]
-    if str(name).endswith(ENDING):
-        _load(str(name))
-        return PolicyInfo(partial(_fly_weights, str(name)), False)
-    if name in trained_methods():
-        return PolicyInfo(partial(_fly_trained, name), False)
+    base, variant = split_variant(name)
+    if base.endswith(ENDING):
+        _load(base)
+        return PolicyInfo(partial(_fly_weights, base, variant), False)
+    if base in trained_methods():
+        return PolicyInfo(partial(_fly_trained, base, variant), False)
     raise ValueError(f"unknown policy {name!r}: use {', '.join([*POLICIES, *trained_methods()])} or a file of weights ({ENDING})")
+
+
+def split_variant(name: str) -> tuple[str, str]:
+    """(policy, what it lacks) of a name."""
+    base, plus, variant = str(name).rpartition("+")
+    return (base, variant) if plus and variant in VARIANTS else (str(name), "")
 
 
 def trained_methods() -> list[str]:
@@ -37,8 +47,9 @@ def trained_methods() -> list[str]:
 
 def label_of(name: str) -> str:
     """What a policy is called in titles and names of files: weights by the run that they lie in."""
-    path = Path(name)
-    return path.parent.name or path.stem if str(name).endswith(ENDING) else str(name)
+    base, variant = split_variant(name)
+    path, lacking = Path(base), f"+{variant}" if variant else ""
+    return (path.parent.name or path.stem if base.endswith(ENDING) else base) + lacking
 
 
 def prepare(name: str, scenario, seeds, links="abstract", limitation="nominal", record=False):
@@ -62,14 +73,14 @@ def weights_for(method: str, scenario: Scenario) -> Path:
     raise ValueError(f"no weights of {method} come with the package")
 
 
-def _fly_trained(method, batch):
-    return _fly_weights(str(weights_for(method, batch.scenario)), batch)
+def _fly_trained(method, variant, batch):
+    return _fly_weights(str(weights_for(method, batch.scenario)), variant, batch)
 
 
-def _fly_weights(path, batch):
+def _fly_weights(path, variant, batch):
     from .learning.policy import LearnedPolicy
 
-    return LearnedPolicy(_load(path), batch)
+    return LearnedPolicy(_load(path), batch, variant=variant)
 
 
 def _load(path):

@@ -26,11 +26,11 @@ class Train:
     missions: int = 4000
     """to fly in all; the learning rate falls towards the last"""
     minutes: float | None = None
-    """stop after so many minutes of CPU, wherever the run stands"""
+    """stop after so many minutes of CPU, wherever the run stands; those of the weights it began with count too"""
     side_by_side: int = 32
     """missions under way at once"""
     init: str = ""
-    """weights to begin with, in place of imitating Greedy"""
+    """weights to begin with, in place of imitating Greedy; or small-to-large: learn on every smaller scenario first"""
     links: str = "abstract"
     """link model"""
     limitation: Limitation = "nominal"
@@ -41,55 +41,71 @@ class Train:
     """insist on TensorBoard's scalars, which go into --out whenever that package is installed"""
 
     def __call__(self):
+        from ..learning.curriculum import read_plan, stages
         from ..learning.log import find_writer
-        from ..learning.train import Training
+        from ..learning.train import STATE, Training
 
         if self.minutes is not None and not self.minutes > 0:
             raise ValueError(f"--minutes must be more than 0, is {self.minutes}")
         if self.tensorboard and find_writer() is None:
             raise ValueError("--tensorboard: the package is not installed: pip install 'commhg_mj[tensorboard]'")
-        training = Training.resume(self.out) if self.resume else self._begin()
+        plan = read_plan(self.out) if self.resume else self._begin()
         try:
-            self._run(training)
+            for stage, folder in stages(plan, self.out):
+                training = Training.resume(folder) if (folder / STATE).exists() else Training(stage, folder)
+                training.save()  # something to resume from, from the first moment on
+                self._run(training)
+                if not training.is_done:
+                    break
         except KeyboardInterrupt:
             again = f"commhg-mj train --resume --out {shlex.quote(str(self.out))}"
             raise KeyboardInterrupt(f"interrupted; to go on from the last whole update: {again}") from None
 
     def _begin(self):
-        """A new run, saved once, so that there is something to resume from its first moment on."""
+        """The plan of a new run, whose folder is made once everything else is known to be right."""
+        from ..learning.curriculum import PLAN, SMALL_TO_LARGE, write_plan
         from ..learning.ppo import Hyper
         from ..learning.registry import find_method
-        from ..learning.train import STATE, Plan, Training
+        from ..learning.train import Plan, begin_with
 
-        if (self.out / STATE).exists():
+        if (self.out / PLAN).exists():
             raise ValueError(f"--out {self.out} holds a run already: --resume continues it")
-        find_method(self.method)
+        method, scenario = find_method(self.method)(), load_scenario(self.scenario)
         find_link_model(self.links)
         check_seed(self.seed)
         for name in ("missions", "side_by_side"):
             at_least(name.replace("_", "-"), getattr(self, name), 1)
+        if self.init and self.init != SMALL_TO_LARGE:
+            begin_with(method, self.init)
         plan = Plan(
-            self.method, load_scenario(self.scenario), self.seed, self.links, self.limitation, self.missions,
-            self.side_by_side, init=self.init, hyper=Hyper(),
+            self.method, scenario, self.seed, self.links, self.limitation, self.missions,
+            self.side_by_side, init=self.init, hyper=Hyper.of(scenario.n_robots),
         )  # fmt: skip
-        training = Training(plan, self.out)
         make_folder(self.out)
-        training.save()
-        return training
+        write_plan(plan, self.out)
+        return plan
 
     def _run(self, training):
         from ..learning.train import WEIGHTS
 
-        limit = float("inf") if self.minutes is None else 60.0 * self.minutes
-        while not training.is_done and training.cpu_seconds < limit:
-            row = training.update()
-            training.log(row)
-            training.save()
-            say(
-                f"update {row['update']:4d}  missions {row['missions']:5d}/{training.plan.missions}  TWCR {row['twcr']:.3f}  "
-                f"KL {row['kl']:.4f}  entropy {row['entropy']:.3f}  {row['rate']:5.0f} decisions/CPU-s", LOG,
-            )  # fmt: skip
-        say(f"{training.folder / WEIGHTS} after {training.cpu_seconds / 60:.0f} CPU-minutes")
+        limit, plan = float("inf") if self.minutes is None else 60.0 * self.minutes, training.plan
+        with progress(f"{plan.method} on {plan.scenario.name}", plan.missions) as advance:
+            advance(training.missions)
+            while not training.is_done and training.cpu_seconds + training.cpu_before < limit:
+                before = training.missions
+                row = training.update()
+                training.log(row)
+                training.save()
+                advance(training.missions - before)
+                line = (
+                    f"update {row['update']:4d}  missions {row['missions']:5d}/{plan.missions}  TWCR {row['twcr']:.3f}  "
+                    f"KL {row['kl']:.4f}  entropy {row['entropy']:.3f}  {row['rate']:5.0f} decisions/CPU-s"
+                )
+                if row["validation"] == row["validation"]:  # not every update flies them
+                    line += f"  validation {row['validation']:.3f}, Greedy {training.validation.greedy:.3f}"
+                say(line, LOG)
+        minutes = (training.cpu_seconds + training.cpu_before) / 60
+        say(f"{training.folder / WEIGHTS} after {minutes:.0f} CPU-minutes in all")
 
 
 @dataclass(frozen=True)

@@ -1,11 +1,18 @@
 """A learned method as a policy: `policy(observations) -> decisions`, as every other."""
 
 import numpy as np
+import torch
 
 from ..mission.batch import MissionBatch
 from .draws import Draws
 from .graphs import GraphBuilder
 from .rollout import Pilot
+
+# What an evaluation takes away from trained actors, to see what it was worth.
+VARIANTS = {
+    "no-query": lambda logits: logits._replace(query=None),
+    "random-gates": lambda logits: logits._replace(gate=torch.zeros(len(logits.keep_idle))),
+}
 
 
 class LearnedPolicy:
@@ -13,11 +20,17 @@ class LearnedPolicy:
 
     Args:
       is_greedy: take the best choice instead of drawing one.
+      variant: of `VARIANTS`, or none.
+
+    Raises:
+      ValueError: the method has no such head.
     """
 
-    def __init__(self, method, batch: MissionBatch, is_greedy=False):
+    def __init__(self, method, batch: MissionBatch, is_greedy=False, variant=""):
+        if variant and not method.communicates:
+            raise ValueError(f"{method.name}+{variant}: {method.name} follows the fixed schedule, it has no such head")
         self.builder = GraphBuilder(batch)
-        self.pilot, self.is_greedy = Pilot(method, self.builder), is_greedy
+        self.pilot, self.is_greedy = Pilot(method, self.builder, *([VARIANTS[variant]] if variant else [])), is_greedy
         self.public = self.builder.public(batch.state.tasks)
         self.seeds = np.array(batch.seeds, np.uint64)
 

@@ -29,6 +29,11 @@ class Hyper:
     max_grad: float = 0.5
     target_kl: float = 0.03  # a minibatch beyond it ends the update
 
+    @classmethod
+    def of(cls, n_robots: int) -> "Hyper":
+        """For a team: it shares one reward, so the more decide, the noisier each one's share of an update is."""
+        return cls(decisions=max(cls.decisions, 1024 * n_robots))
+
 
 class Learner:
     """Optimises a method's actors and critic."""

@@ -51,10 +51,14 @@ class Decided(NamedTuple):
 
 
 class Pilot:
-    """Decides for all who are due by a method's actors."""
+    """Decides for all who are due by a method's actors.
 
-    def __init__(self, method, builder: GraphBuilder):
-        self.method, self.builder = method, builder
+    Args:
+      change: RobotLogits -> RobotLogits, for policies that are to lack something.
+    """
+
+    def __init__(self, method, builder: GraphBuilder, change=lambda logits: logits):
+        self.method, self.builder, self.change = method, builder, change
 
     @torch.no_grad()
     def decide(self, seen, public, rng, is_greedy=False) -> Decided:
@@ -68,7 +72,7 @@ class Pilot:
         robot_log_prob, operator_log_prob = np.zeros(0, np.float32), np.zeros(0, np.float32)
         if len(robots.itself):
             batch = robot_batch(robots, public.shape[1])
-            logits = self.method.robot(batch, torch.from_numpy(public.reshape(-1, public.shape[2])))
+            logits = self.change(self.method.robot(batch, torch.from_numpy(public.reshape(-1, public.shape[2]))))
             choices = choose_robots(logits, robots, rng, is_greedy)
             robot_log_prob = judge_robots(logits, batch, tensors_of(choices)).log_prob.numpy()
         if len(operators.itself):

@@ -16,11 +16,13 @@ from .log import Log
 from .ppo import Hyper, Learner
 from .registry import find_method
 from .rollout import Collector
+from .validation import Validation
 from .weights import load_weights, save_weights
 
 FORMAT = "commhg_mj training 1"
 STATE, WEIGHTS = "state.pt", "weights.safetensors"
 TRAINING_SEEDS = 10**6  # missions of training seed s begin at (1 + s) times this; evaluation stays far below
+VALIDATE_EVERY = 20  # updates
 RECENT = 100  # missions whose mean TWCR is shown
 
 
@@ -58,15 +60,16 @@ class Training:
         self.rng = np.random.default_rng([plan.seed, 0])
         torch.manual_seed(plan.seed)
         self.method = find_method(plan.method)()
+        self.cpu_before = 0.0  # that the weights to begin with had cost
         if plan.init and state is None:
-            self._begin_with(plan.init)
+            self.cpu_before = begin_with(self.method, plan.init)
         self.learner = Learner(self.method, plan.hyper)
         first = (1 + plan.seed) * TRAINING_SEEDS
         self.collector = Collector(
             self.method, plan.scenario, first, plan.side_by_side, plan.links, plan.limitation, self.rng
         )  # fmt: skip
         self.updates, self.decisions, self.cpu_seconds = 0, 0, 0.0
-        self.written = None
+        self.validation, self.written = Validation(plan.scenario, plan.links, plan.limitation), None
         if state is not None:
             self._go_on_from(state)
 
@@ -75,13 +78,7 @@ class Training:
         self.learner.optimizer.load_state_dict(state["optimizer"])
         self.collector.load_state_dict(state["collector"])
         self.rng.bit_generator.state = state["rng"]
-        self.updates, self.decisions, self.cpu_seconds = state["counts"]
-
-    def _begin_with(self, path):
-        other, _ = load_weights(path)
-        if other.name != self.plan.method:
-            raise ValueError(f"init: {path} holds {other.name}, not {self.plan.method}")
-        self.method.load_state_dict(other.state_dict())
+        self.updates, self.decisions, self.cpu_seconds, self.cpu_before = state["counts"]
 
     @property
     def missions(self) -> int:
@@ -118,7 +115,8 @@ class Training:
         recent = collector.scores[-RECENT:]
         facts = {"update": self.updates, "missions": self.missions, "decisions": self.decisions, "cpu_seconds": self.cpu_seconds}
         facts |= {"rate": len(data.robot_state) / seconds, "twcr": float(np.mean(recent)) if recent else float("nan")}
-        return facts | stats
+        is_time = self.updates % VALIDATE_EVERY == 0 or self.is_done
+        return facts | {"validation": self.validation.score(self.method) if is_time else float("nan")} | stats
 
     def save(self) -> None:
         """Write the run's weights, then its state, and nothing half; the state is what counts."""
@@ -127,7 +125,7 @@ class Training:
         state = {
             "format": FORMAT, "plan": plan_to_json(self.plan), "method": self.method.state_dict(),
             "optimizer": self.learner.optimizer.state_dict(), "collector": self.collector.state_dict(),
-            "rng": self.rng.bit_generator.state, "counts": [self.updates, self.decisions, self.cpu_seconds],
+            "rng": self.rng.bit_generator.state, "counts": [self.updates, self.decisions, self.cpu_seconds, self.cpu_before],
         }  # fmt: skip
         with whole_file(self.folder / STATE) as draft:
             torch.save(state, draft)
@@ -135,7 +133,8 @@ class Training:
     def facts(self) -> dict:
         """What a model card says of the training."""
         counts = {"missions": self.missions, "decisions": self.decisions, "updates": self.updates}
-        return {"plan": json.loads(plan_to_json(self.plan)), "cpu_seconds": round(self.cpu_seconds), **counts}
+        spent = {"cpu_seconds": round(self.cpu_seconds), "cpu_seconds_before": round(self.cpu_before)}
+        return {"plan": json.loads(plan_to_json(self.plan)), **spent, **counts}
 
     def log(self, row: dict) -> None:
         """Append an update's row to the run's log; before `save`, as a resumed run writes it again."""
@@ -159,6 +158,19 @@ class Training:
         except Exception as error:  # files are damaged in more ways than torch, JSON and our own rules have errors for
             raise ValueError(f"{path} is damaged or no training ({type(error).__name__})") from error
         raise ValueError(f"{path} is of another format: {state['format']}")
+
+
+def begin_with(method, path) -> float:
+    """Give a method the weights of a file; returns the seconds of CPU that they had cost.
+
+    Raises:
+      ValueError: the file is refused, or holds another method; the message names it.
+    """
+    other, facts = load_weights(path)
+    if other.name != method.name:
+        raise ValueError(f"init: {path} holds {other.name}, not {method.name}")
+    method.load_state_dict(other.state_dict())
+    return facts.get("cpu_seconds", 0) + facts.get("cpu_seconds_before", 0)
 
 
 def plan_to_json(plan: Plan) -> str:

@@ -7,12 +7,13 @@ import torch
 from torch import Tensor, nn
 
 from ..critic import Critic, ReturnScale
-from ..graphs import N_OPERATOR, N_PEER, N_REPORT, N_RESOURCE, N_ROBOT, N_TASK_EDGE, VALUE_RATE
+from ..graphs import IS_HELD, N_OPERATOR, N_PEER, N_REPORT, N_RESOURCE, N_ROBOT, N_TASK_EDGE, VALUE_RATE
 from ..heads import RobotLogits
 from ..networks import NODE, bounded, linear
 from ..registry import method
 
 N_TASKS, N_PEERS, N_OPERATORS, N_REPORTS = 8, 6, 3, 8  # that fit in, the best first
+FIRST = 1e3  # rank above any value rate
 LEFT_OUT = -30.0  # logit of what does not fit in: hardly ever chosen
 
 
@@ -30,7 +31,9 @@ class RobotMLP(nn.Module):
         self.net = perceptron(width, 2 + N_TASKS)
 
     def forward(self, graphs, public: Tensor) -> RobotLogits:
-        tasks, picked = best_edges(graphs.task_ptr, graphs.rows, graphs.task_edge, graphs.task_edge[:, VALUE_RATE], N_TASKS)
+        # What may be chosen or is held comes first: nothing else needs a score.
+        rank = graphs.task_edge[:, VALUE_RATE] + FIRST * (graphs.task_legal | (graphs.task_edge[:, IS_HELD] > 0))
+        tasks, picked = best_edges(graphs.task_ptr, graphs.rows, graphs.task_edge, rank, N_TASKS)
         peers, _ = best_edges(graphs.peer_ptr, graphs.peer_rows, graphs.peer_edge, graphs.peer_edge[:, -1], N_PEERS)
         operators = fit(graphs.resource, N_OPERATORS)
         out = bounded(self.net(torch.cat([graphs.itself, tasks, peers, operators], dim=1)))

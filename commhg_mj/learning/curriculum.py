@@ -1,0 +1,49 @@
+"""Curriculum: the same weights learn with ever larger teams, before they come to the scenario itself."""
+
+import dataclasses
+from pathlib import Path
+
+from ..files import whole_file
+from ..scenarios import SCENARIOS
+from .ppo import Hyper
+from .train import WEIGHTS, Plan, plan_from_json, plan_to_json
+
+SMALL_TO_LARGE = "small-to-large"
+MISSIONS = {"small": 5000, "medium": 1300}  # of the stages before
+PLAN = "plan.json"
+
+
+def stages(plan: Plan, folder) -> list[tuple[Plan, Path]]:
+    """(plan, folder) of each stage of a run, the run itself last; one alone unless `plan.init` is SMALL_TO_LARGE."""
+    folder = Path(folder)
+    if plan.init != SMALL_TO_LARGE:
+        return [(plan, folder)]
+    found, init = [], ""
+    for name, missions in MISSIONS.items():
+        if SCENARIOS[name].n_robots < plan.scenario.n_robots:
+            hyper = Hyper.of(SCENARIOS[name].n_robots)
+            stage = dataclasses.replace(plan, scenario=SCENARIOS[name], missions=missions, init=init, hyper=hyper)
+            found.append((stage, folder / name))
+            init = str(folder / name / WEIGHTS)
+    return [*found, (dataclasses.replace(plan, init=init), folder)]
+
+
+def write_plan(plan: Plan, folder) -> None:
+    """The whole configuration of a run as JSON, beside its state."""
+    with whole_file(Path(folder) / PLAN) as draft:
+        draft.write_text(plan_to_json(plan))
+
+
+def read_plan(folder) -> Plan:
+    """The plan of the run in a folder.
+
+    Raises:
+      ValueError: there is none, or it is damaged; the message names it.
+    """
+    path = Path(folder) / PLAN
+    try:
+        return plan_from_json(path.read_text())
+    except FileNotFoundError:
+        raise ValueError(f"{path}: there is no run to resume") from None
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise ValueError(f"{path} is damaged or no plan ({type(error).__name__})") from None
