@@ -6,7 +6,6 @@ import numpy as np
 from rich.table import Table
 
 from ..mission.observe import UNKNOWN
-from ..mission.score import Score
 from ..pilots import prepare
 from ..terms import NOBODY, Session
 from .fly import chunks_of, spread
@@ -29,10 +28,7 @@ FIGURES = {  # of one mission, nan where it has none: what the table calls it
 
 
 class Listener:
-    """A policy that passes on another's decisions and counts what is said, mission by mission.
-
-    Traces would tell it too, but they take memory, and know robots' records only every few seconds.
-    """
+    """A policy that passes on another's decisions and counts what is said; traces are larger and know less of records."""
 
     def __init__(self, batch, act: Callable):
         self._batch, self._act = batch, act
@@ -45,17 +41,15 @@ class Listener:
     def __call__(self, seen):
         chosen = self._act(seen)
         self._hear(seen.robots, seen.robot_operators)
-        for name, column in (("broadcasts", chosen.broadcast), ("requests", chosen.assist)):
-            self._count(name, seen.robots["mission"], column)
+        self._count(seen.robots["mission"], broadcasts=chosen.broadcast, requests=chosen.assist)
         query = np.asarray(chosen.query)
         asks = np.flatnonzero(query != NOBODY)
         robots, records = seen.robots[asks], seen.robot_operators[asks, query[asks]]
         known, rests = records["age"] >= 0, records["session"] == Session.REST
-        for name, amounts in {
-            "queries": np.ones(len(asks)), "free": known & rests, "busy": known & ~rests, "unknown": ~known,
-            "own": robots["controller"] == query[asks], "record_ages": np.where(known, records["age"], 0.0),
-        }.items():  # fmt: skip
-            self._count(name, robots["mission"], amounts)
+        self._count(
+            robots["mission"], queries=np.ones(len(asks)), free=known & rests, busy=known & ~rests, unknown=~known,
+            own=robots["controller"] == query[asks], record_ages=np.where(known, records["age"], 0.0),
+        )  # fmt: skip
         return chosen
 
     def _hear(self, robots, records):
@@ -63,12 +57,14 @@ class Listener:
         at, sessions = (robots["mission"], robots["robot"]), records["session"]
         times = np.where(records["age"] >= 0, robots["time"][:, None] - records["age"], UNKNOWN)
         news = (times > self._times[at]) & (self._times[at] >= 0)  # a first answer has no belief to change
-        self._count("news", at[0], news.sum(axis=1))
-        self._count("turned", at[0], (news & (sessions != self._sessions[at])).sum(axis=1))
+        turned = news & (sessions != self._sessions[at])
+        self._count(at[0], news=news.sum(axis=1), turned=turned.sum(axis=1))
         self._times[at], self._sessions[at] = times, sessions
 
-    def _count(self, name, missions, amounts):
-        self._counts[name] = self._counts.get(name, 0.0) + np.bincount(missions, amounts, len(self._batch.seeds))
+    def _count(self, missions, **amounts):
+        """Add each row's amounts to its mission."""
+        for name, column in amounts.items():
+            self._counts[name] = self._counts.get(name, 0.0) + np.bincount(missions, column, len(self._batch.seeds))
 
     def figures(self) -> list[dict]:
         """FIGURES of every mission so far."""
@@ -91,22 +87,19 @@ class Listener:
         return [{name: float(column[e]) for name, column in columns.items()} for e in range(len(scores))]
 
 
-def fly_and_listen(
-    scenario, policy: str, seeds, links="abstract", limitation="nominal", workers=1,
-    advance: Callable[[int], None] = lambda missions: None,
-) -> list[tuple[Score, dict]]:  # fmt: skip
-    """As `fly`, with the score and FIGURES of one mission a seed."""
+def fly_and_listen(scenario, policy, seeds, links="abstract", limitation="nominal", workers=1, advance=lambda n: None) -> list:
+    """(`Score`, FIGURES) of one mission a seed; otherwise as `fly`."""
     jobs = [(scenario, policy, chunk, links, limitation) for chunk in chunks_of(seeds)]
     results = spread(_listen_chunk, jobs, workers, lambda flights: advance(len(flights)))
     return [flight for chunk in results for flight in chunk]
 
 
-def _listen_chunk(scenario, policy, seeds, links, limitation) -> list[tuple[Score, dict]]:
+def _listen_chunk(scenario, policy, seeds, links, limitation) -> list:
     return listen(*prepare(policy, scenario, seeds, links, limitation))
 
 
-def listen(batch, act: Callable) -> list[tuple[Score, dict]]:
-    """The score and FIGURES of every mission of a new batch, flown to its end."""
+def listen(batch, act: Callable) -> list:
+    """(`Score`, FIGURES) of every mission of a new batch, flown to its end."""
     listener, seen = Listener(batch, act), batch.observations
     while not batch.over.all():
         seen = batch.step(listener(seen))
