@@ -110,7 +110,7 @@ class Train:
 
 @dataclass(frozen=True)
 class Evaluate:
-    """Score policies on held-out missions, the same for all, and their paired differences to the first."""
+    """Score policies on held-out missions, the same for all: TWCR, paired differences to the first, communication."""
 
     policy: tuple[str, ...] = ("greedy", "random")
     """references, trained methods, or files of weights"""
@@ -125,19 +125,19 @@ class Evaluate:
     workers: int = 2
     """processes"""
     out: Path | None = None
-    """FILE.json that gets every mission's TWCR"""
+    """FILE.json that gets every mission's TWCR and figures of communication"""
 
     def __call__(self):
-        from ..study.evaluate import compare_scores, evaluate, evaluation_table, save_evaluation
+        from ..study.evaluate import evaluate, evaluation_tables, save_evaluation
 
         scenario = load_scenario(self.scenario)
         find_link_model(self.links)
         at_least("missions", self.missions, 2)
         at_least("workers", self.workers, 1)
         with progress("flying", self.missions * len(self.policy)) as advance:
-            scores = evaluate(scenario, self.policy, self.missions, self.links, self.limitation, self.workers, advance)
+            flights = evaluate(scenario, self.policy, self.missions, self.links, self.limitation, self.workers, advance)
         title = f"{scenario.name}, {self.links} links, {self.limitation} limitation, {self.missions} held-out missions"
-        OUT.print(evaluation_table(title, compare_scores(scores)))
+        OUT.print(evaluation_tables(title, flights))
         if self.out is not None:
             settings = {name: value for name, value in dataclasses.asdict(self).items() if name not in ("out", "workers")}
-            save_evaluation(self.out, settings, scores)
+            save_evaluation(self.out, settings, flights)

@@ -3,53 +3,60 @@
 import json
 
 import numpy as np
+from rich.console import Group
 from rich.table import Table
 
 from ..files import whole_file
 from ..pilots import find_policy, label_of
-from .fly import HELD_OUT, fly
+from .fly import HELD_OUT
 from .statistics import mean_interval, middle_interval
+from .talk import FIGURES, fly_and_listen, talk_table
 
 
 def evaluate(scenario, policies, n_missions, links, limitation, workers, advance) -> dict:
-    """{policy: scores of the same held-out missions}."""
+    """{policy: score and figures of communication of each of the same held-out missions}."""
     seeds = range(HELD_OUT, HELD_OUT + n_missions)
     for policy in policies:
         find_policy(policy)  # refuses a bad one before anything flies
-    return {policy: fly(scenario, policy, seeds, links, limitation, None, workers, advance) for policy in policies}
+    return {policy: fly_and_listen(scenario, policy, seeds, links, limitation, workers, advance) for policy in policies}
 
 
-def compare_scores(scores: dict) -> list[dict]:
-    """A row a policy: TWCR, its paired difference to the first policy, and how it communicates."""
-    first = np.array([score.twcr for score in next(iter(scores.values()))])
-    rows = []
-    for policy, each in scores.items():
-        twcr = np.array([score.twcr for score in each])
-        sent = {kind: np.mean([score.messages[kind]["sent"] for score in each]) for kind in ("broadcast", "query", "request")}
-        rows.append({
-            "policy": label_of(policy), "privileged": find_policy(policy).is_privileged, "twcr": mean_interval(twcr),
-            "iqm": middle_interval(twcr), "difference": mean_interval(twcr - first),
-            "control_time": mean_interval([score.control_time for score in each]), **sent,
-        })  # fmt: skip
-    return rows
+def compare_scores(flights: dict) -> list[dict]:
+    """A row a policy: TWCR, and its paired difference to the first policy."""
+    twcr = {policy: np.array([score.twcr for score, _ in each]) for policy, each in flights.items()}
+    first = next(iter(twcr.values()))
+    return [
+        {
+            "policy": marked_label(policy), "twcr": mean_interval(each), "iqm": middle_interval(each),
+            "difference": mean_interval(each - first),
+        }
+        for policy, each in twcr.items()
+    ]  # fmt: skip
 
 
-def evaluation_table(title, rows) -> Table:
+def marked_label(policy) -> str:
+    """What tables call a policy."""
+    return label_of(policy) + (" (privileged)" if find_policy(policy).is_privileged else "")
+
+
+def evaluation_tables(title, flights: dict) -> Group:
     """What `commhg-mj evaluate` prints."""
+    rows = compare_scores(flights)
     table = Table(title=title, title_justify="left")
-    for name in ("policy", "TWCR", "IQM", f"minus {rows[0]['policy']}", "control time", "broadcasts", "queries", "requests"):
+    for name in ("policy", "TWCR", "IQM", f"minus {rows[0]['policy']}"):
         table.add_column(name, justify="left" if name == "policy" else "right")
     for row in rows:
-        mark = " (privileged)" if row["privileged"] else ""
-        counts = (f"{row[kind]:,.0f}" for kind in ("broadcast", "query", "request"))
-        table.add_row(
-            row["policy"] + mark, str(row["twcr"]), str(row["iqm"]), str(row["difference"]), str(row["control_time"]), *counts
-        )
-    return table
+        table.add_row(*map(str, row.values()))
+    labels = [row["policy"] for row in rows]
+    return Group(table, talk_table(labels, [[talk for _, talk in each] for each in flights.values()]))
 
 
-def save_evaluation(path, settings: dict, scores: dict) -> None:
-    """The settings and every mission's TWCR as JSON."""
-    missions = {policy: [score.twcr for score in each] for policy, each in scores.items()}
+def save_evaluation(path, settings: dict, flights: dict) -> None:
+    """The settings, every mission's TWCR and its figures of communication as JSON, null where a mission has none."""
+    twcr = {policy: [score.twcr for score, _ in each] for policy, each in flights.items()}
+    talk = {
+        policy: {name: [None if np.isnan(said[name]) else said[name] for _, said in each] for name in FIGURES}
+        for policy, each in flights.items()
+    }
     with whole_file(path) as draft:
-        draft.write_text(json.dumps({**settings, "twcr": missions}))
+        draft.write_text(json.dumps({**settings, "twcr": twcr, "communication": talk}))
