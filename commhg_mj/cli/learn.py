@@ -52,8 +52,11 @@ class Train:
         plan = read_plan(self.out) if self.resume else self._begin()
         try:
             for stage, folder in stages(plan, self.out):
-                training = Training.resume(folder) if (folder / STATE).exists() else Training(stage, folder)
-                training.save()  # something to resume from, from the first moment on
+                if (folder / STATE).exists():
+                    training = Training.resume(folder)
+                else:
+                    training = Training(stage, folder)
+                    training.save()  # something to resume from, from the first moment on
                 self._run(training)
                 if not training.is_done:
                     break

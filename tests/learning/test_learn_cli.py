@@ -5,15 +5,18 @@ import signal
 import subprocess
 import sys
 import time
-from functools import partial
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
 from learners import NAMES, QUICK
 
-from commhg_mj.learning import ppo, train
+from commhg_mj.learning import curriculum, ppo, train
+from commhg_mj.learning.train import Plan
+from commhg_mj.learning.weights import load_weights
 from commhg_mj.policies import POLICIES, ensure_compiled
+from commhg_mj.scenarios import SCENARIOS, load_scenario
 
 TINY = 'base = "small"\nname = "tiny"\nn_tasks = 4\ntime_limit = 40\n'
 
@@ -23,7 +26,7 @@ def quick():
     """A few decisions an update."""
     ensure_compiled(POLICIES.values())
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(ppo, "Hyper", partial(ppo.Hyper, decisions=QUICK.decisions, minibatches=2, epochs=1))
+        patch.setattr(ppo.Hyper, "of", lambda n_robots: QUICK)
         patch.setitem(sys.modules, "torch.utils.tensorboard", None)
         yield
 
@@ -57,7 +60,7 @@ def options(tiny, out, **more):
 def test_train_then_evaluate(run, tiny, tmp_path, method):
     code, out, err = run("train", *options(tiny, "r", method=method, missions=4))
     assert code == 0 and "weights.safetensors after" in out and "update    1" in err and "TWCR" in err
-    assert sorted(path.name for path in (tmp_path / "r").iterdir()) == ["log.csv", "state.pt", "weights.safetensors"]
+    assert sorted(path.name for path in (tmp_path / "r").iterdir()) == ["log.csv", "plan.json", "state.pt", "weights.safetensors"]
     weights = "r/weights.safetensors"
     code, out, err = run(
         "evaluate", "--policy", "greedy", weights, "--scenario", tiny, "--missions", 4, "--workers", 1, "--out", "e.json"
@@ -139,11 +142,44 @@ def test_tensorboard_is_insisted_on(run, refused, tiny, tmp_path, scalars):
     assert not (tmp_path / "s").exists()
 
 
-def test_train_refuses_to_resume_nothing_and_a_damaged_state(refused, tmp_path):
-    assert "r/state.pt" in refused("train", "--out", "r", "--resume")
-    (tmp_path / "r").mkdir()
-    (tmp_path / "r" / "state.pt").write_bytes(b"")
-    assert "r/state.pt" in refused("train", "--out", "r", "--resume")
+def test_train_refuses_to_resume_nothing_and_a_damaged_run(run, refused, tiny, tmp_path):
+    assert "r/plan.json: there is no run" in refused("train", "--out", "r", "--resume")
+    assert run("train", *options(tiny, "r", missions=1))[0] == 0
+    for name in ("state.pt", "plan.json"):
+        (tmp_path / "r" / name).write_bytes(b"[]")
+        assert f"r/{name} is damaged" in refused("train", "--out", "r", "--resume")
+
+
+def test_stages_are_all_smaller_scenarios_in_order(tmp_path):
+    large = Plan("commhg", SCENARIOS["large"], init=curriculum.SMALL_TO_LARGE)
+    found = curriculum.stages(large, tmp_path)
+    assert [plan.scenario.name for plan, _ in found] == ["small", "medium", "large"]
+    assert [folder for _, folder in found] == [tmp_path / "small", tmp_path / "medium", tmp_path]
+    inits = [str(tmp_path / name / train.WEIGHTS) for name in ("small", "medium")]
+    assert [plan.init for plan, _ in found] == ["", *inits]
+    small = Plan("commhg", SCENARIOS["small"], init=curriculum.SMALL_TO_LARGE)
+    assert [(plan.init, folder) for plan, folder in curriculum.stages(small, tmp_path)] == [("", tmp_path)]
+    assert curriculum.stages(replace(large, init="x"), tmp_path) == [(replace(large, init="x"), tmp_path)]
+
+
+def test_a_curriculum_goes_on_in_the_stage_where_it_was_interrupted(run, tiny, tmp_path, monkeypatch):
+    monkeypatch.setattr(curriculum, "SCENARIOS", {"small": load_scenario(tiny)})
+    monkeypatch.setattr(curriculum, "MISSIONS", {"small": 4})
+    larger, update, at = tmp_path / "larger.toml", train.Training.update, []
+    larger.write_text(TINY.replace("tiny", "larger") + "n_uav = 4\n")
+
+    def interrupt(training):
+        at.append(training.plan.scenario.name)
+        if len(at) == 2:
+            raise KeyboardInterrupt
+        return update(training)
+
+    monkeypatch.setattr(train.Training, "update", interrupt)
+    assert run("train", *options(larger, "c", init="small-to-large"))[0] == 130
+    assert run("train", "--out", "c", "--resume")[0] == 0
+    assert at[:2] == ["tiny", "tiny"] and at[-1] == "larger" and sorted(at, key=("tiny", "larger").index) == at
+    before, after = (load_weights(folder / train.WEIGHTS)[1] for folder in (tmp_path / "c" / "small", tmp_path / "c"))
+    assert after["cpu_seconds_before"] == pytest.approx(before["cpu_seconds"], abs=1) and before["missions"] >= 4
 
 
 def test_numbers_that_are_none_end_in_one_line(refused, tiny, tmp_path, monkeypatch):

@@ -9,7 +9,7 @@ from mission.test_secrets import ARRAYS, keep_public, overwrite, scramble
 from strategies import change
 
 from commhg_mj import pilots
-from commhg_mj.learning.policy import LearnedPolicy
+from commhg_mj.learning.policy import VARIANTS, LearnedPolicy
 from commhg_mj.learning.registry import find_method
 from commhg_mj.learning.weights import save_weights
 from commhg_mj.mission.batch import MissionBatch, stay
@@ -168,6 +168,27 @@ def test_a_mission_does_not_depend_on_its_neighbours(name):
 
     method = untrained(name)
     assert ends([1, 2]) == ends([1, 2]) == ends([2, 1])[::-1] == ends([1]) + ends([2])
+
+
+def test_a_trained_method_may_lack_something(tmp_path):
+    """No queries; gates by chance; and nothing else changes."""
+    path = tmp_path / "weights.safetensors"
+    method = untrained("commhg")
+    torch.nn.init.constant_(method.robot.gate[2].bias, -50.0)  # it never speaks
+    save_weights(method, path, {})
+    whole, silent, chatty = (
+        fly_missions(LONG, name, range(4)) for name in (str(path), f"{path}+no-query", f"{path}+random-gates")
+    )
+    sent = lambda scores, kind: sum(score.messages[kind]["attempted"] for score in scores)
+    assert sent(whole, "query") > 0 and sent(silent, "query") == 0 and sent(chatty, "query") > 0
+    assert sent(whole, "broadcast") == sent(silent, "broadcast") == 0 < sent(chatty, "broadcast")
+    assert pilots.label_of(f"{path}+no-query") == f"{tmp_path.name}+no-query"
+    assert set(pilots.VARIANTS) == set(VARIANTS)
+    save_weights(untrained("mappo"), path, {})
+    with pytest.raises(ValueError, match="mappo.no-query: mappo follows the fixed schedule"):
+        fly_missions(LONG, f"{path}+no-query", range(1))
+    with pytest.raises(ValueError, match="unknown policy 'commhg.nothing'"):
+        pilots.find_policy("commhg+nothing")
 
 
 def test_weights_that_were_written_anew_are_read_anew(tmp_path):

@@ -16,6 +16,7 @@ from safetensors import safe_open
 from safetensors.torch import load_file, save_file
 from strategies import change
 
+from commhg_mj.learning import train
 from commhg_mj.learning.graphs import GraphBuilder
 from commhg_mj.learning.log import LOG, Log
 from commhg_mj.learning.rollout import from_decisions, to_decisions
@@ -450,3 +451,13 @@ def test_numbers_that_are_none_stop_the_run(tmp_path, monkeypatch):
     with pytest.raises(FloatingPointError, match=f"update 2: .*value_loss is nan.*{tmp_path}"):
         training.update()
     assert (tmp_path / STATE).read_bytes() == before and Training.resume(tmp_path).updates == 1
+
+
+def test_validation_changes_no_bits(tmp_path, monkeypatch):
+    monkeypatch.setattr(train, "VALIDATE_EVERY", 1)
+    watched, alone = run(tmp_path / "watched"), run(tmp_path / "alone")
+    seen = [watched.update()["validation"] for _ in range(2)]
+    monkeypatch.setattr(train, "VALIDATE_EVERY", 10**9)
+    assert all(np.isnan(alone.update()["validation"]) for _ in range(2))
+    assert np.isfinite([*seen, watched.validation.greedy]).all()
+    assert same_bits(watched, alone)
