@@ -10,14 +10,14 @@ import tyro
 
 from .console import LOG, say
 from .explain import Cases, Explain
-from .learn import Evaluate, Train
+from .learn import Evaluate, Publish, Train
 from .links import Compare, Coverage, Fit, Links
 from .measures import Bench, Calibrate
 from .missions import Render, Run
 from .worlds import Figure, Scenarios, World
 
 Command = (
-    Run | Render | Explain | Cases | Train | Evaluate | Links | Coverage | Compare | Fit
+    Run | Render | Explain | Cases | Train | Evaluate | Publish | Links | Coverage | Compare | Fit
     | Scenarios | World | Figure | Bench | Calibrate
 )  # fmt: skip
 

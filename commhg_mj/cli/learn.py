@@ -5,6 +5,8 @@ import shlex
 from dataclasses import dataclass
 from pathlib import Path
 
+import tyro
+
 from ..mission.batch import check_seed
 from ..radio import find_link_model
 from ..scenarios import load_scenario
@@ -144,3 +146,39 @@ class Evaluate:
         if self.out is not None:
             settings = {name: value for name, value in dataclasses.asdict(self).items() if name not in ("out", "workers")}
             save_evaluation(self.out, settings, flights)
+
+
+@dataclass(frozen=True)
+class Publish:
+    """Score a run's weights on held-out missions and write them with a model card, as the package's own were."""
+
+    run: tyro.conf.Positional[Path]
+    """folder of a run, or a file of weights"""
+    out: Path = Path("commhg_mj/learning/trained")
+    """folder that gets METHOD-SCENARIO.safetensors and .md"""
+    missions: int = 200
+    """how many"""
+    links: str = "abstract"
+    """link model"""
+    limitation: Limitation = "nominal"
+    """of communication"""
+    workers: int = 2
+    """processes"""
+
+    def __call__(self):
+        from ..files import whole_file
+        from ..learning.train import WEIGHTS
+        from ..study.card import make_card, published_name
+
+        path = self.run / WEIGHTS if self.run.is_dir() else self.run
+        find_link_model(self.links)
+        at_least("missions", self.missions, 2)
+        at_least("workers", self.workers, 1)
+        with progress("flying", self.missions * 5) as advance:
+            card = make_card(path, self.missions, self.links, self.limitation, self.workers, advance)
+        make_folder(self.out)
+        published = self.out / published_name(path)
+        for target, content in ((published, path.read_bytes()), (published.with_suffix(".md"), card.encode())):
+            with whole_file(target) as draft:
+                draft.write_bytes(content)
+        say(f"{published} and its card {published.with_suffix('.md').name}")

@@ -18,16 +18,22 @@ class Bench:
     """which scenarios"""
     start: bool = False
     """also time a first start (compiles everything once more) and a later one"""
+    train: bool = False
+    """time training alone: simulate, infer and learn"""
 
     def __call__(self):
-        from ..study.bench import all_speeds
+        from ..study.bench import all_speeds, training_speeds
         from ..study.interfaces import interface_rates
 
         table = Table("what", "rate", "unit")
         names = list(SCENARIOS) if self.scenario == "all" else [self.scenario]
         with LOG.status("measuring"):
-            interfaces = (speed for name in names for speed in interface_rates(SCENARIOS[name]))
-            for speed in chain(all_speeds(names, self.start), interfaces):
+            if self.train:
+                speeds = chain.from_iterable(training_speeds(SCENARIOS[name]) for name in names)
+            else:
+                interfaces = (speed for name in names for speed in interface_rates(SCENARIOS[name]))
+                speeds = chain(all_speeds(names, self.start), interfaces)
+            for speed in speeds:
                 table.add_row(speed.what, f"{speed.rate:,.2f}" if speed.rate < 100 else f"{speed.rate:,.0f}", speed.unit)
         OUT.print(table)
 

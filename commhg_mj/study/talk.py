@@ -106,13 +106,19 @@ def listen(batch, act: Callable) -> list:
     return list(zip(batch.scores(), listener.figures()))
 
 
+def mean_figures(figures: list[dict]) -> dict:
+    """{name: mean over the missions that have the figure, a dash without any}."""
+    columns = {name: [each[name] for each in figures if not np.isnan(each[name])] for name in FIGURES}
+    return {name: str(mean_interval(values)) if values else "-" for name, values in columns.items()}
+
+
 def talk_table(labels: list[str], talks: list[list[dict]]) -> Table:
-    """One column a policy out of FIGURES of its missions: means over those that have the figure, a dash without any."""
+    """One column a policy out of FIGURES of its missions."""
     table = Table(title="communication", title_justify="left")
     table.add_column("mean over missions")
     for label in labels:
         table.add_column(label, justify="right")
+    means = list(map(mean_figures, talks))
     for name, words in FIGURES.items():
-        columns = ([figures[name] for figures in each if not np.isnan(figures[name])] for each in talks)
-        table.add_row(words, *(str(mean_interval(values)) if values else "-" for values in columns))
+        table.add_row(words, *(each[name] for each in means))
     return table
