@@ -17,6 +17,7 @@ import pytest
 
 from commhg_mj import POLICIES, SCENARIOS, load_scenario, load_trace
 from commhg_mj.cli import main
+from commhg_mj.learning import ppo
 from commhg_mj.policies import ensure_compiled
 from commhg_mj.render import film
 from commhg_mj.scenarios import describe
@@ -206,6 +207,12 @@ def test_bench_prints_rates(run, tiny_scales, monkeypatch):
     rates = ["64 missions, abstract links", "64 missions, ray-cast links", "ray-cast over abstract", "one mission alone"]
     for word in [*rates, "worlds", "one link, 16x obstacles", "CPU-us", "2 robots x 3 tasks", "ticks/CPU-s", "epochs/CPU-s"]:
         assert word in out
+
+
+def test_bench_times_training(run, tiny_scales, monkeypatch):
+    monkeypatch.setattr(ppo.Hyper, "of", lambda n_robots: ppo.Hyper(decisions=60, minibatches=1, epochs=1))
+    code, out, _ = run("bench", "--scenario", "small", "--train")
+    assert code == 0 and "training" in out and "decisions/CPU-s" in out and "GiB" in out and "ticks" not in out
 
 
 def test_calibrate_prints_figures_and_rules(run, tiny_scales):

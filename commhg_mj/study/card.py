@@ -31,7 +31,7 @@ limitation; 95 % bootstrap intervals over missions, for one training seed. Diffe
 |---|---|---|---|
 {scores}
 
-Share of the gap between greedy and the omniscient reference that is closed: {gap:.0%}.
+Share of the gap between greedy and the omniscient reference that is closed: {gap}.
 
 ## What its communication is worth
 {lacking}
@@ -64,13 +64,14 @@ def make_card(path, n_missions: int, links: str, limitation: str, workers: int, 
     flights = evaluate(scenario, [*REFERENCES, own, *variants], n_missions, links, limitation, workers, advance)
     rows = compare_scores({policy: flights[policy] for policy in (*REFERENCES, own)})
     greedy, omniscient, learned = (row["twcr"].mean for row in rows)
+    gap = f"{(learned - greedy) / (omniscient - greedy):.0%}" if omniscient > greedy else "there is none"
     lacking = compare_scores({policy: flights[policy] for policy in (own, *variants)})
     return CARD.format(
         method=method.name, scenario=scenario.name, name=published_name(path), missions=facts["missions"],
         decisions=facts["decisions"], updates=facts["updates"], minutes=facts["cpu_seconds"] / 60,
         before=facts["cpu_seconds_before"] / 60, plan=json.dumps(facts["plan"] | {"scenario": scenario.name}, indent=2),
         n=n_missions, first=HELD_OUT, last=HELD_OUT + n_missions - 1, links=links, limitation=limitation,
-        scores=_lines(rows, own, method.name), gap=(learned - greedy) / (omniscient - greedy),
+        scores=_lines(rows, own, method.name), gap=gap,
         lacking=LACKING.format(rows=_lines(lacking, own, method.name)) if variants else "It follows the fixed schedule.\n",
         talk="\n".join(f"| {FIGURES[name]} | {value} |" for name, value in mean_figures([f for _, f in flights[own]]).items()),
     )  # fmt: skip

@@ -13,10 +13,12 @@ import torch
 from learners import NAMES, QUICK
 
 from commhg_mj.learning import curriculum, ppo, train
+from commhg_mj.learning.registry import find_method
 from commhg_mj.learning.train import Plan
-from commhg_mj.learning.weights import load_weights
+from commhg_mj.learning.weights import load_weights, save_weights
 from commhg_mj.policies import POLICIES, ensure_compiled
 from commhg_mj.scenarios import SCENARIOS, load_scenario
+from commhg_mj.study.statistics import mean_interval, middle_interval
 
 TINY = 'base = "small"\nname = "tiny"\nn_tasks = 4\ntime_limit = 40\n'
 
@@ -218,3 +220,26 @@ def test_evaluation_and_training_share_no_mission():
     from commhg_mj.study.evaluate import HELD_OUT
 
     assert HELD_OUT + 10**5 < train.TRAINING_SEEDS
+
+
+@pytest.mark.parametrize("method", ["commhg", "mappo"])
+def test_publish_writes_weights_and_a_card_of_what_they_do(run, tiny, tmp_path, method):
+    assert run("train", *options(tiny, "r", missions=1, method=method))[0] == 0
+    flight = "--missions", 4, "--workers", 1
+    assert run("publish", "r", "--out", "p", *flight)[0] == 0
+    files = sorted(path.name for path in (tmp_path / "p").iterdir())
+    assert files == [f"{method}-tiny.md", f"{method}-tiny.safetensors"]
+    weights = tmp_path / "r" / train.WEIGHTS
+    assert (tmp_path / "p" / files[1]).read_bytes() == weights.read_bytes()
+    card = (tmp_path / "p" / files[0]).read_text()
+    assert run("evaluate", "--policy", "greedy", weights, "--scenario", tiny, *flight, "--out", "e.json")[0] == 0
+    twcr = [np.array(column) for column in json.loads((tmp_path / "e.json").read_text())["twcr"].values()]
+    row = f"| {method} | {mean_interval(twcr[1])} | {middle_interval(twcr[1])} | {mean_interval(twcr[1] - twcr[0])} |"
+    assert row in card and ("+no-query" in card) == (method == "commhg") and '"missions": 1' in card
+
+
+def test_publish_refuses_what_says_nothing_of_its_training(run, refused, tmp_path):
+    assert "nowhere" in refused("publish", "nowhere", "--out", "p")
+    save_weights(find_method("mappo")(), tmp_path / "bare.safetensors", {})
+    assert "bare.safetensors says nothing of its training" in refused("publish", "bare.safetensors", "--out", "p")
+    assert not (tmp_path / "p").exists()
