@@ -14,6 +14,7 @@ import tyro
 from commhg_mj import POLICIES, SCENARIOS, Decisions, Observations, cli, load_scenario
 from commhg_mj.learning.registry import METHODS
 from commhg_mj.mission import observe
+from commhg_mj.pilots import split_variant, trained_methods
 from commhg_mj.radio.rules import LINK
 
 ROOT = Path(__file__).parent.parent
@@ -27,7 +28,7 @@ def blocks(language):
 
 
 def test_the_python_blocks_run(capsys):
-    interfaces, code = blocks("python")
+    _, interfaces, code = blocks("python")
     exec(interfaces, {})
     assert '"large"' in code and "num_missions=64" in code
     exec(code.replace('"large"', '"small"').replace("num_missions=64", "num_missions=2"), {})
@@ -80,9 +81,8 @@ def test_the_blocks_of_the_worlds_page_make_one_world(tmp_path, monkeypatch, cap
     assert made["missions"].worlds[0].layout.surfaces.max() > 150
 
 
-def test_the_block_of_the_learning_page_registers_a_method():
-    text = (ROOT / "docs/learning.md").read_text(encoding="utf-8")
-    (code,) = re.findall(r"^```python\n(.*?)^```$", text, re.M | re.S)
+def test_the_methods_block_registers_one():
+    code = blocks("python")[0]
     made = {}
     exec(code, made)
     assert METHODS.pop("half-graph") is made["HalfGraph"]
@@ -90,7 +90,7 @@ def test_the_block_of_the_learning_page_registers_a_method():
 
 
 def test_a_policy_of_ones_own_takes_less_than_20_lines():
-    _, code = blocks("python")
+    *_, code = blocks("python")
     policy = re.search(r"^def .*?(?=^\S)", code.split("def ", 1)[1].join(["def ", ""]), re.M | re.S)
     assert 5 < len(policy.group().strip().splitlines()) < 20
 
@@ -128,7 +128,8 @@ def test_every_command_parses(line):
     assert type(command).__name__.lower() == words[1]
     policies, scenario = getattr(command, "policy", None) or (), getattr(command, "scenario", "all")
     policies = {policies} if isinstance(policies, str) else set(policies)
-    assert all(policy in POLICIES or policy.endswith("/weights.safetensors") for policy in policies)
+    known = (*POLICIES, *trained_methods())
+    assert all(split_variant(policy)[0] in known or policy.endswith("/weights.safetensors") for policy in policies)
     assert scenario in (*SCENARIOS, "all") or scenario.endswith(".toml")
 
 
