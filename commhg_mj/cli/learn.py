@@ -71,9 +71,9 @@ class Train:
         from ..learning.curriculum import PLAN, SMALL_TO_LARGE, write_plan
         from ..learning.ppo import Hyper
         from ..learning.registry import find_method
-        from ..learning.train import Plan, begin_with
+        from ..learning.train import STATE, Plan, begin_with
 
-        if (self.out / PLAN).exists():
+        if (self.out / PLAN).exists() or (self.out / STATE).exists():
             raise ValueError(f"--out {self.out} holds a run already: --resume continues it")
         method, scenario = find_method(self.method)(), load_scenario(self.scenario)
         find_link_model(self.links)
