@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 
 from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
+from safetensors.torch import save
 
 from ..files import whole_file
 from .graphs import N_OPERATOR, N_PEER, N_PUBLIC, N_REPORT, N_RESOURCE, N_ROBOT, N_TASK_EDGE
@@ -21,7 +21,7 @@ def save_weights(method, path, facts: dict) -> None:
     tensors = {name: tensor.contiguous() for name, tensor in method.state_dict().items()}
     metadata = {"format": FORMAT, "method": method.name, "schema": SCHEMA, "facts": json.dumps(facts)}
     with whole_file(path) as draft:
-        save_file(tensors, draft, metadata)
+        draft.write_bytes(save(tensors, metadata))  # its own writer lets nobody else read the file
 
 
 def load_weights(path):
