@@ -168,17 +168,17 @@ class Publish:
     def __call__(self):
         from ..files import whole_file
         from ..learning.train import WEIGHTS
-        from ..study.card import make_card, published_name
+        from ..pilots import ENDING
+        from ..study.card import make_card
 
         path = self.run / WEIGHTS if self.run.is_dir() else self.run
         find_link_model(self.links)
         at_least("missions", self.missions, 2)
         at_least("workers", self.workers, 1)
         with progress("flying", self.missions * 5) as advance:
-            card = make_card(path, self.missions, self.links, self.limitation, self.workers, advance)
+            name, card = make_card(path, self.missions, self.links, self.limitation, self.workers, advance)
         make_folder(self.out)
-        published = self.out / published_name(path)
-        for target, content in ((published, path.read_bytes()), (published.with_suffix(".md"), card.encode())):
-            with whole_file(target) as draft:
+        for target, content in ((f"{name}{ENDING}", path.read_bytes()), (f"{name}.md", card.encode())):
+            with whole_file(self.out / target) as draft:
                 draft.write_bytes(content)
-        say(f"{published} and its card {published.with_suffix('.md').name}")
+        say(f"{self.out / name}{ENDING} and its card {name}.md")

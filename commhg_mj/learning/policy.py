@@ -6,7 +6,7 @@ import torch
 from ..mission.batch import MissionBatch
 from .draws import Draws
 from .graphs import GraphBuilder
-from .rollout import Pilot
+from .rollout import Pilot, unchanged
 
 # What an evaluation takes away from trained actors, to see what it was worth.
 VARIANTS = {
@@ -30,7 +30,7 @@ class LearnedPolicy:
         if variant and not method.communicates:
             raise ValueError(f"{method.name}+{variant}: {method.name} follows the fixed schedule, it has no such head")
         self.builder = GraphBuilder(batch)
-        self.pilot, self.is_greedy = Pilot(method, self.builder, *([VARIANTS[variant]] if variant else [])), is_greedy
+        self.pilot, self.is_greedy = Pilot(method, self.builder, VARIANTS.get(variant, unchanged)), is_greedy
         self.public = self.builder.public(batch.state.tasks)
         self.seeds = np.array(batch.seeds, np.uint64)
 

@@ -50,6 +50,10 @@ class Decided(NamedTuple):
     decisions: Decisions
 
 
+def unchanged(logits):
+    return logits
+
+
 class Pilot:
     """Decides for all who are due by a method's actors.
 
@@ -57,29 +61,32 @@ class Pilot:
       change: RobotLogits -> RobotLogits, for policies that are to lack something.
     """
 
-    def __init__(self, method, builder: GraphBuilder, change=lambda logits: logits):
+    def __init__(self, method, builder: GraphBuilder, change=unchanged):
         self.method, self.builder, self.change = method, builder, change
 
     @torch.no_grad()
-    def decide(self, seen, public, rng, is_greedy=False) -> Decided:
+    def decide(self, seen, public, rng, is_greedy=False, is_learning=False) -> Decided:
         """Choices drawn from the actors, or their best.
 
         Args:
           public: [worlds, T, N_PUBLIC]; `seen`'s missions are its rows.
+          is_learning: the choices' likelihoods will be asked for; 0 otherwise.
         """
         robots, operators = self.builder.robots(seen), self.builder.operators(seen)
         choices, picks = RobotChoices(*(np.zeros(0, kind) for kind in (int, bool, int, bool))), np.zeros(0, np.int64)
-        robot_log_prob, operator_log_prob = np.zeros(0, np.float32), np.zeros(0, np.float32)
+        robot_log_prob, operator_log_prob = unasked(robots, operators)
         if len(robots.itself):
             batch = robot_batch(robots, public.shape[1])
             logits = self.change(self.method.robot(batch, torch.from_numpy(public.reshape(-1, public.shape[2]))))
             choices = choose_robots(logits, robots, rng, is_greedy)
-            robot_log_prob = judge_robots(logits, batch, tensors_of(choices)).log_prob.numpy()
+            if is_learning:
+                robot_log_prob = judge_robots(logits, batch, tensors_of(choices)).log_prob.numpy()
         if len(operators.itself):
             batch = operator_batch(operators)
             logits, legal = self.method.operator(batch), legal_picks(batch)
             picks = choose_operators(logits, legal.numpy(), rng, is_greedy)
-            operator_log_prob = judge_operators(logits, legal, torch.from_numpy(picks)).log_prob.numpy()
+            if is_learning:
+                operator_log_prob = judge_operators(logits, legal, torch.from_numpy(picks)).log_prob.numpy()
         decisions = to_decisions(robots, choices, picks)
         if not self.method.communicates:
             follow_schedule(seen, decisions)
@@ -89,8 +96,12 @@ class Pilot:
         """A teacher policy's decisions as if the actors had made them; their likelihood is not asked for."""
         robots, operators, decisions = self.builder.robots(seen), self.builder.operators(seen), teacher(seen)
         choices, picks = from_decisions(robots, operators, decisions)
-        unasked = (np.zeros(len(part.itself), np.float32) for part in (robots, operators))
-        return Decided(robots, operators, choices, picks, *unasked, decisions)
+        return Decided(robots, operators, choices, picks, *unasked(robots, operators), decisions)
+
+
+def unasked(*graphs) -> list[np.ndarray]:
+    """Zeros in place of likelihoods."""
+    return [np.zeros(len(part.itself), np.float32) for part in graphs]
 
 
 def to_decisions(robots: RobotGraphs, choices: RobotChoices, operator_choices) -> Decisions:
@@ -155,7 +166,7 @@ class Collector:
                 worlds.append(self.public[e : e + 1].copy())
             time[over] = 0.0
             pilot = self.pilot
-            decided = pilot.follow(seen, teacher) if teacher else pilot.decide(seen, self.public, self.rng)
+            decided = pilot.follow(seen, teacher) if teacher else pilot.decide(seen, self.public, self.rng, is_learning=True)
             robots, operators = decided.robots, decided.operators
             missions = np.flatnonzero(~over)
             state_of = np.cumsum(~over) - 1

@@ -13,7 +13,7 @@ REFERENCES = ("greedy", "omniscient")
 
 CARD = """# {method} for {scenario}
 
-Weights: `{name}`. Written by `commhg-mj publish`; nothing here is typed in by hand.
+Weights: `{name}.safetensors`. Written by `commhg-mj publish`; nothing here is typed in by hand.
 
 ## Training
 {missions:,} missions, {decisions:,} robot decisions, {updates} updates in {minutes:.0f} CPU-minutes; the weights that it began
@@ -49,8 +49,8 @@ LACKING = """| policy | TWCR | IQM | minus the whole policy |
 """
 
 
-def make_card(path, n_missions: int, links: str, limitation: str, workers: int, advance) -> str:
-    """A card in Markdown for a file of weights, flown on held-out missions of the scenario that it was trained on.
+def make_card(path, n_missions: int, links: str, limitation: str, workers: int, advance) -> tuple[str, str]:
+    """(name without ending, card in Markdown) of weights, flown on held-out missions of the scenario they were trained on.
 
     Raises:
       ValueError: the file is refused; the message names it.
@@ -66,8 +66,9 @@ def make_card(path, n_missions: int, links: str, limitation: str, workers: int, 
     greedy, omniscient, learned = (row["twcr"].mean for row in rows)
     gap = f"{(learned - greedy) / (omniscient - greedy):.0%}" if omniscient > greedy else "there is none"
     lacking = compare_scores({policy: flights[policy] for policy in (own, *variants)})
-    return CARD.format(
-        method=method.name, scenario=scenario.name, name=published_name(path), missions=facts["missions"],
+    name = f"{method.name}-{scenario.name}"
+    card = CARD.format(
+        method=method.name, scenario=scenario.name, name=name, missions=facts["missions"],
         decisions=facts["decisions"], updates=facts["updates"], minutes=facts["cpu_seconds"] / 60,
         before=facts["cpu_seconds_before"] / 60, plan=json.dumps(facts["plan"] | {"scenario": scenario.name}, indent=2),
         n=n_missions, first=HELD_OUT, last=HELD_OUT + n_missions - 1, links=links, limitation=limitation,
@@ -75,12 +76,7 @@ def make_card(path, n_missions: int, links: str, limitation: str, workers: int, 
         lacking=LACKING.format(rows=_lines(lacking, own, method.name)) if variants else "It follows the fixed schedule.\n",
         talk="\n".join(f"| {FIGURES[name]} | {value} |" for name, value in mean_figures([f for _, f in flights[own]]).items()),
     )  # fmt: skip
-
-
-def published_name(path) -> str:
-    """What weights are called when they come with the package."""
-    method, facts = load_weights(path)
-    return f"{method.name}-{facts['plan']['scenario']['name']}.safetensors"
+    return name, card
 
 
 def _lines(rows, own, name):
