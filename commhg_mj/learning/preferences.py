@@ -7,7 +7,6 @@ import torch
 from torch import Tensor
 
 from ..mission.observe import Observations
-from .batches import robot_batch
 from .policy import LearnedPolicy
 
 
@@ -28,12 +27,11 @@ class Preferences(NamedTuple):
 @torch.no_grad()
 def robot_preferences(policy: LearnedPolicy, seen: Observations) -> Preferences:
     """Preferences of the one robot whose row `seen` holds, of the policy's first mission."""
-    graphs, (_, n_tasks, n_features) = policy.builder.robots(seen), policy.public.shape
-    public = torch.from_numpy(policy.public.reshape(-1, n_features))
-    logits = policy.pilot.method.robot(robot_batch(graphs, n_tasks), public)
+    graphs = policy.builder.robots(seen)
+    _, logits = policy.pilot.score(graphs, policy.public)
     legal = torch.from_numpy(np.concatenate([graphs.task_legal, graphs.keep_idle[0]]))
     *edges, keep, idle = _shares(torch.cat([logits.task, logits.keep_idle[0]]), legal)
-    task = np.zeros(n_tasks)
+    task = np.zeros(policy.public.shape[1])
     task[graphs.task] = edges
     query = None
     if logits.query is not None:

@@ -10,10 +10,10 @@ from ..mission.decide import Decisions
 from ..policies.schedule import follow_schedule
 from ..terms import KEEP, REST
 from .advantage import estimate_advantages
-from .batches import join_operators, join_robots, legal_picks, operator_batch, robot_batch
+from .batches import RobotBatch, join_operators, join_robots, legal_picks, operator_batch, robot_batch
 from .critic import Agents
 from .graphs import GraphBuilder, OperatorGraphs, RobotGraphs
-from .heads import RobotChoices, choose_operators, choose_robots, judge_operators, judge_robots, tensors_of
+from .heads import RobotChoices, RobotLogits, choose_operators, choose_robots, judge_operators, judge_robots, tensors_of
 from .states import States, read_states
 
 VALUE_CHUNK = 2048  # states
@@ -64,6 +64,11 @@ class Pilot:
     def __init__(self, method, builder: GraphBuilder, change=unchanged):
         self.method, self.builder, self.change = method, builder, change
 
+    def score(self, robots: RobotGraphs, public) -> tuple[RobotBatch, RobotLogits]:
+        """(the graphs as tensors, what the actor says of them)."""
+        batch = robot_batch(robots, public.shape[1])
+        return batch, self.change(self.method.robot(batch, torch.from_numpy(public.reshape(-1, public.shape[2]))))
+
     @torch.no_grad()
     def decide(self, seen, public, rng, is_greedy=False, is_learning=False) -> Decided:
         """Choices drawn from the actors, or their best.
@@ -76,8 +81,7 @@ class Pilot:
         choices, picks = RobotChoices(*(np.zeros(0, kind) for kind in (int, bool, int, bool))), np.zeros(0, np.int64)
         robot_log_prob, operator_log_prob = unasked(robots, operators)
         if len(robots.itself):
-            batch = robot_batch(robots, public.shape[1])
-            logits = self.change(self.method.robot(batch, torch.from_numpy(public.reshape(-1, public.shape[2]))))
+            batch, logits = self.score(robots, public)
             choices = choose_robots(logits, robots, rng, is_greedy)
             if is_learning:
                 robot_log_prob = judge_robots(logits, batch, tensors_of(choices)).log_prob.numpy()
