@@ -26,6 +26,7 @@ MINUTE = 60.0  # s
 N_PUBLIC = 6  # features of a task that all know once it is released
 N_ROBOT, N_TASK_EDGE, N_PEER, N_RESOURCE = 26, 22, 16, 10
 N_OPERATOR, N_REPORT = 14, 25
+IS_KNOWN = 0  # a resource report's feature
 VALUE_RATE, IS_HELD = 5, 18  # the task edge's features that say what it promises per second, and that it is the robot's own
 
 

@@ -7,6 +7,7 @@ bounds the same sums in torch (tests hold both equal).
 import numpy as np
 import torch
 from torch import Tensor
+from torch.nn import functional
 
 from ..kernels import kernel, reduction
 
@@ -38,6 +39,11 @@ class Edges:
         """[E] products of the same hidden layers with weight [F]."""
         source = edge.new_zeros(1, edge.shape[1]) if source is None else source
         return _Score.apply(edge, source, receiver, weight, self.index, self.ptr)
+
+
+def edges_where(exist: Tensor) -> Edges:
+    """The edges of a dense table [N, M] of bool, row after row."""
+    return Edges(functional.pad(exist.sum(dim=1).cumsum(dim=0), (1, 0)))
 
 
 class _Mean(torch.autograd.Function):

@@ -36,8 +36,8 @@ def watched(training, look):
     collector = training.collector
     decide = collector.pilot.decide
 
-    def watch(seen, public, rng, is_greedy=False):
-        result = decide(seen, public, rng, is_greedy)
+    def watch(*seen, **how):
+        result = decide(*seen, **how)
         look(collector.batch, *result[:2])
         return result
 

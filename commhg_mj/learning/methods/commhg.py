@@ -2,13 +2,12 @@
 
 import torch
 from torch import Tensor, nn
-from torch.nn import functional
 
 from ..critic import Critic, ReturnScale
-from ..graphs import N_OPERATOR, N_PEER, N_PUBLIC, N_REPORT, N_RESOURCE, N_ROBOT, N_TASK_EDGE
+from ..graphs import IS_KNOWN, N_OPERATOR, N_PEER, N_PUBLIC, N_REPORT, N_RESOURCE, N_ROBOT, N_TASK_EDGE
 from ..heads import RobotLogits
 from ..networks import MESSAGE, NODE, Relation, Update, after, bounded, head, linear, mlp
-from ..ragged import Edges
+from ..ragged import Edges, edges_where
 from ..registry import method
 
 ROUNDS = 2
@@ -16,14 +15,18 @@ RARELY = 3.0  # logit of nobody at first: a query displaces telemetry
 
 
 class RobotActor(nn.Module):
-    """All robots' policy: task and peer relations, two updates, five heads."""
+    """All robots' policy: relations to tasks, peers and operators, two updates, five heads.
+
+    What a robot has heard of operators reaches every head, for an operator who is busy changes which task is worth taking
+    (paper, case study); the paper names the two other relations only.
+    """
 
     def __init__(self):
         super().__init__()
         self.itself, self.attributes, self.task = mlp(N_ROBOT, NODE, NODE), linear(N_PUBLIC, MESSAGE), linear(MESSAGE, NODE)
         self.peer, self.operator = linear(N_PEER, NODE), linear(N_RESOURCE, NODE)
-        self.tasks, self.peers = Relation(N_TASK_EDGE), Relation(N_PEER)
-        self.update = Update(2)
+        self.tasks, self.peers, self.operators = Relation(N_TASK_EDGE), Relation(N_PEER), Relation(N_RESOURCE)
+        self.update = Update(3)
         self.score_task, self.score_edge = linear(NODE, MESSAGE), linear(N_TASK_EDGE, MESSAGE)
         self.score_robot, self.score = linear(NODE, MESSAGE, bias=False), linear(MESSAGE, 1, 0.01)
         self.keep_idle, self.gate, self.assist = head(NODE, 2), head(NODE, 1), head(NODE, 1)
@@ -57,11 +60,16 @@ class RobotActor(nn.Module):
     def embed(self, graphs, task_edges: Edges, attributes: Tensor) -> Tensor:
         """[N, NODE] of robots out of their local graphs."""
         node = self.itself(graphs.itself)
-        peer_edges = Edges(graphs.peer_ptr)
+        is_known = graphs.resource[..., IS_KNOWN] > 0.0
+        peer_edges, operator_edges = Edges(graphs.peer_ptr), edges_where(is_known)
         tasks, edges = after(self.tasks.source, self.task, attributes), self.tasks.edge(graphs.task_edge)
         peers = self.peers.of_records(self.peer, graphs.peer_edge)
+        operators = self.operators.of_records(self.operator, graphs.resource[is_known])
         for _ in range(ROUNDS):
-            node = self.update(node, self.tasks(task_edges, edges, tasks, node), self.peers(peer_edges, peers, None, node))
+            node = self.update(
+                node, self.tasks(task_edges, edges, tasks, node), self.peers(peer_edges, peers, None, node),
+                self.operators(operator_edges, operators, None, node),
+            )  # fmt: skip
         return node
 
 
@@ -77,7 +85,7 @@ class OperatorActor(nn.Module):
 
     def forward(self, graphs) -> Tensor:
         """[K, 2 + R] logits of KEEP, REST and the robots, of `OperatorGraphs` of tensors."""
-        edges = Edges(functional.pad(graphs.known.sum(dim=1).cumsum(dim=0), (1, 0)))
+        edges = edges_where(graphs.known)
         records, node = graphs.report[graphs.known], self.itself(graphs.itself)
         reports = self.reports.of_records(self.report, records)
         for _ in range(ROUNDS):
