@@ -16,7 +16,7 @@ from torch import nn
 
 from commhg_mj.learning.batches import operator_batch, pick_robots, robot_batch
 from commhg_mj.learning.critic import Agents, Critic
-from commhg_mj.learning.graphs import N_TASK_EDGE
+from commhg_mj.learning.graphs import IS_KNOWN, N_TASK_EDGE
 from commhg_mj.learning.methods.commhg import ROUNDS, CommHG, OperatorActor, RobotActor
 from commhg_mj.learning.networks import LARGEST_LOGIT, MESSAGE, NODE, Relation, Update
 from commhg_mj.learning.ragged import Edges
@@ -115,8 +115,12 @@ def test_a_robots_embedding_is_two_rounds_of_one_update_over_plain_means(robot):
         for i in range(len(ROWS)):
             edges, others = slice(ptr[i], ptr[i + 1]), slice(peers[i], peers[i + 1])
             tasks = naive_mean(robot.tasks, encoded(robot, public)[tensors.task[edges]], tensors.task_edge[edges], node[i])
-            heard = tensors.peer_edge[others]
-            received.append(torch.cat([tasks, naive_mean(robot.peers, robot.peer(heard), heard, node[i])]))
+            heard, reports = tensors.peer_edge[others], tensors.resource[i][tensors.resource[i, :, IS_KNOWN] > 0]
+            means = [
+                naive_mean(relation, encoder(records), records, node[i])
+                for relation, encoder, records in ((robot.peers, robot.peer, heard), (robot.operators, robot.operator, reports))
+            ]
+            received.append(torch.cat([tasks, *means]))
         change = robot.update.mlp(torch.cat([node, torch.stack(received)], dim=1))
         node = robot.update.norm(node + change)
     torch.testing.assert_close(embed(robot, graphs, public), node, **close)
@@ -128,14 +132,15 @@ def test_rounds_and_roles_share_what_they_should():
     updates = [name for name, module in method.named_modules() if isinstance(module, Update)]
     relations = [name for name, module in method.named_modules() if isinstance(module, Relation)]
     assert updates == ["robot.update", "operator.update"]
-    assert relations == ["robot.tasks", "robot.peers", "operator.reports"]
+    assert relations == ["robot.tasks", "robot.peers", "robot.operators", "operator.reports"]
 
 
 def test_an_empty_neighbourhood_contributes_zeros(robot):
     graphs, public = robot_graphs(ROWS), random_public()
     before = embed(robot, graphs, public)
-    for relation, ptr in ((robot.tasks, graphs.task_ptr), (robot.peers, graphs.peer_ptr)):
-        is_empty = torch.from_numpy(np.diff(ptr) == 0)
+    counts = np.diff(graphs.task_ptr), np.diff(graphs.peer_ptr), (graphs.resource[..., IS_KNOWN] > 0).sum(axis=1)
+    for relation, count in zip((robot.tasks, robot.peers, robot.operators), counts):
+        is_empty = torch.from_numpy(count == 0)
         bias = relation.out.bias.clone()
         relation.out.bias += BIG
         after = embed(robot, graphs, public)
@@ -188,6 +193,22 @@ def test_reports_that_never_came_change_nothing(operator):
     assert torch.equal(logits, other)
     known = graphs._replace(report=np.where(graphs.known[..., None], noise, graphs.report))
     assert not torch.equal(logits, operator(operator_batch(known)))
+
+
+def test_what_operators_report_reaches_every_head_of_a_robot_and_what_they_never_reported_none(robot):
+    graphs = robot_graphs([Row((True, True))] * 30)
+    is_known = graphs.resource[..., IS_KNOWN] > 0
+    noise = np.random.default_rng(1).normal(0, 10, graphs.resource.shape).astype(np.float32)
+    noise[..., IS_KNOWN] = graphs.resource[..., IS_KNOWN]
+    news, nothing = (graphs._replace(resource=np.where(at[..., None], noise, graphs.resource)) for at in (is_known, ~is_known))
+    before, after, same = score(robot, graphs), score(robot, news), score(robot, nothing)
+    hears = torch.from_numpy(is_known.any(axis=1))
+    for name, was, now, still in zip(before._fields, before, after, same):
+        changed = (was != now).reshape(len(hears), -1).any(dim=1)
+        assert torch.equal(changed, hears), name
+        if name != "query":  # whom it may ask is scored one by one
+            assert torch.equal(was, still), name
+    assert hears.any() and not hears.all()
 
 
 def test_permuted_tasks_and_peers_are_scored_alike(robot):
