@@ -24,18 +24,19 @@ def history(seed, n_steps=40, n_missions=3, n_agents=4, end=0.08):
     return values, rows, rewards, elapsed, over, last
 
 
-def slowly(values, rows, rewards, elapsed, over, last, gamma, lam):
+def slowly(values, rows, rewards, elapsed, over, last, gamma, lam, trace="decision"):
     """The definition: a sum of discounted errors over the agent's later decisions of the same mission."""
     n_steps = len(values)
     decisions = [{(e, a): i for i, (e, a) in enumerate(zip(*at))} for at in rows]
 
     def error(s, agent):
-        """(its temporal difference, its next decision's step or None, the discount up to there)."""
+        """(its temporal difference, its next decision's step or None, by how much what follows fades)."""
         e, total, seconds = agent[0], 0.0, 0
         for q in range(s, n_steps):
             if q > s and agent in decisions[q]:
                 follows = gamma**seconds * values[q][decisions[q][agent]]
-                return total + follows - values[s][decisions[s][agent]], q, gamma**seconds
+                fade = lam if trace == "decision" else lam**seconds
+                return total + follows - values[s][decisions[s][agent]], q, fade * gamma**seconds
             total = total + gamma**seconds * rewards[q][e]
             seconds += elapsed[q][e]
             if over[q][e]:
@@ -47,17 +48,18 @@ def slowly(values, rows, rewards, elapsed, over, last, gamma, lam):
         for agent, i in decisions[s].items():
             at, weight = s, 1.0
             while at is not None:
-                delta, following, fade = error(at, agent)
+                delta, at, fade = error(at, agent)
                 result[s][i] += weight * delta
-                weight, at = weight * lam * fade, following
+                weight *= fade
     return result
 
 
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("end", [0.0, 0.08, 0.4])
-def test_advantages_are_those_of_the_slow_walk(seed, end):
+@pytest.mark.parametrize("trace", ["decision", "second"])
+def test_advantages_are_those_of_the_slow_walk(seed, end, trace):
     data = history(seed, end=end)
-    for fast, slow in zip(estimate_advantages(*data, GAMMA, LAM), slowly(*data, GAMMA, LAM)):
+    for fast, slow in zip(estimate_advantages(*data, GAMMA, LAM, trace), slowly(*data, GAMMA, LAM, trace)):
         np.testing.assert_allclose(fast, slow, rtol=1e-9, atol=1e-12)
 
 
