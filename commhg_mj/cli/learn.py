@@ -4,6 +4,7 @@ import dataclasses
 import shlex
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import tyro
 
@@ -31,6 +32,14 @@ class Train:
     """stop after so many minutes of CPU, wherever the run stands; those of the weights it began with count too"""
     side_by_side: int = 32
     """missions under way at once"""
+    workers: int = 1
+    """processes, which share these missions and the decisions of an update"""
+    device: Literal["cpu", "cuda"] = "cpu"
+    """where the networks learn; missions are always flown on the CPU"""
+    lam: float = 0.95
+    """decay of the advantage's trace"""
+    trace: Literal["decision", "second"] = "decision"
+    """what the trace decays by: an actor's decisions, or the seconds between them"""
     init: str = ""
     """weights to begin with, in place of imitating Greedy; or small-to-large: learn on every smaller scenario first"""
     links: str = "abstract"
@@ -43,25 +52,22 @@ class Train:
     """insist on TensorBoard's scalars, which go into --out whenever that package is installed"""
 
     def __call__(self):
-        from ..learning.curriculum import read_plan, stages
+        from ..learning.curriculum import follow, read_plan, trainings
         from ..learning.log import find_writer
-        from ..learning.train import STATE, Training
+        from ..learning.ppo import check_device
+        from ..learning.team import team_of
 
         if self.minutes is not None and not self.minutes > 0:
             raise ValueError(f"--minutes must be more than 0, is {self.minutes}")
         if self.tensorboard and find_writer() is None:
             raise ValueError("--tensorboard: the package is not installed: pip install 'commhg_mj[tensorboard]'")
+        check_device(self.device)
         plan = read_plan(self.out) if self.resume else self._begin()
+        seconds = float("inf") if self.minutes is None else 60.0 * self.minutes
         try:
-            for stage, folder in stages(plan, self.out):
-                if (folder / STATE).exists():
-                    training = Training.resume(folder)
-                else:
-                    training = Training(stage, folder)
-                    training.save()  # something to resume from, from the first moment on
-                self._run(training)
-                if not training.is_done:
-                    break
+            with team_of(plan.workers, follow, plan, self.out, seconds, self.device) as team:
+                for training in trainings(plan, self.out, team, self.device):
+                    self._run(training, seconds)
         except KeyboardInterrupt:
             again = f"commhg-mj train --resume --out {shlex.quote(str(self.out))}"
             raise KeyboardInterrupt(f"interrupted; to go on from the last whole update: {again}") from None
@@ -78,30 +84,29 @@ class Train:
         method, scenario = find_method(self.method)(), load_scenario(self.scenario)
         find_link_model(self.links)
         check_seed(self.seed)
-        for name in ("missions", "side_by_side"):
-            at_least(name.replace("_", "-"), getattr(self, name), 1)
+        for name in ("missions", "workers"):
+            at_least(name, getattr(self, name), 1)
+        at_least("side-by-side", self.side_by_side, self.workers)
+        if not 0 <= self.lam <= 1:
+            raise ValueError(f"--lam must be from 0 to 1, is {self.lam}")
         if self.init and self.init != SMALL_TO_LARGE:
             begin_with(method, self.init)
         plan = Plan(
             self.method, scenario, self.seed, self.links, self.limitation, self.missions,
-            self.side_by_side, init=self.init, hyper=Hyper.of(scenario.n_robots),
+            self.side_by_side, self.workers, init=self.init, hyper=Hyper.of(scenario.n_robots, lam=self.lam, trace=self.trace),
         )  # fmt: skip
         make_folder(self.out)
         write_plan(plan, self.out)
         return plan
 
-    def _run(self, training):
+    def _run(self, training, seconds):
         from ..learning.train import WEIGHTS
 
-        limit, plan = float("inf") if self.minutes is None else 60.0 * self.minutes, training.plan
+        plan, shown = training.plan, 0
         with progress(f"{plan.method} on {plan.scenario.name}", plan.missions) as advance:
-            advance(training.missions)
-            while not training.is_done and training.cpu_seconds + training.cpu_before < limit:
-                before = training.missions
-                row = training.update()
-                training.log(row)
-                training.save()
-                advance(training.missions - before)
+            for row in training.run(seconds):
+                advance(row["missions"] - shown)
+                shown = row["missions"]
                 line = (
                     f"update {row['update']:4d}  missions {row['missions']:5d}/{plan.missions}  TWCR {row['twcr']:.3f}  "
                     f"KL {row['kl']:.4f}  entropy {row['entropy']:.3f}  {row['rate']:5.0f} decisions/CPU-s"

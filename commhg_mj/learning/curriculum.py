@@ -1,12 +1,14 @@
 """Curriculum: the same weights learn with ever larger teams, before they come to the scenario itself."""
 
 import dataclasses
+from collections.abc import Iterator
 from pathlib import Path
 
 from ..files import whole_file
 from ..scenarios import SCENARIOS
 from .ppo import Hyper
-from .train import WEIGHTS, Plan, plan_from_json, plan_to_json
+from .team import ALONE, Team
+from .train import STATE, WEIGHTS, Plan, Training, plan_from_json, plan_to_json
 
 SMALL_TO_LARGE = "small-to-large"
 MISSIONS = {"small": 5000, "medium": 1300}  # of the stages before
@@ -26,6 +28,26 @@ def stages(plan: Plan, folder) -> list[tuple[Plan, Path]]:
             found.append((stage, folder / name))
             init = str(folder / name / WEIGHTS)
     return [*found, (dataclasses.replace(plan, init=init), folder)]
+
+
+def trainings(plan: Plan, folder, team: Team = ALONE, device: str = "cpu") -> Iterator[Training]:
+    """Each stage's training, where it stands; the next one follows once its caller has brought it to its end."""
+    for stage, at in stages(plan, folder):
+        if team.least((at / STATE).exists()):
+            training = Training.resume(at, team, device)
+        else:
+            training = Training(stage, at, team=team, device=device)
+            training.save()  # something to resume from, from the first moment on
+        yield training
+        if not training.is_done:
+            return
+
+
+def follow(team: Team, plan: Plan, folder, cpu_seconds: float, device: str) -> None:
+    """A worker's part of a run: the same steps as the first process, in silence."""
+    for training in trainings(plan, folder, team, device):
+        for _ in training.run(cpu_seconds):
+            pass
 
 
 def write_plan(plan: Plan, folder) -> None:

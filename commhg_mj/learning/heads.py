@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import torch
 from torch import Tensor
-from torch.nn.functional import logsigmoid
+from torch.nn import functional
 
 from ..terms import IDLE, KEEP, NOBODY
 from .draws import OPERATOR, ROBOT
@@ -52,14 +52,13 @@ def tensors_of(choices: RobotChoices) -> RobotChoices:
 
 def judge_robots(logits: RobotLogits, graphs, choices) -> Likelihood:
     """The joint likelihood of robots' choices; `graphs` and `choices` hold tensors, `graphs.rows` the edges' rows."""
-    n = len(graphs.keep_idle)
-    task = _judge_tasks(logits, graphs, choices.task, n)
+    task = _judge_tasks(logits, graphs, choices.task)
     parts = [task]
     if logits.gate is not None:
         parts.append(_judge_switch(logits.gate, choices.gate, graphs.gate))
-    is_quiet = torch.ones(n, dtype=torch.bool)
+    is_quiet = torch.ones_like(graphs.gate)
     if logits.query is not None:
-        legal = torch.cat([torch.ones(n, 1, dtype=torch.bool), graphs.query], dim=1)
+        legal = functional.pad(graphs.query, (1, 0), value=True)
         parts.append(_judge_rows(logits.query, choices.query + 1, legal))
         is_quiet = choices.query == NOBODY
     if logits.assist is not None:
@@ -82,20 +81,20 @@ def _join(parts) -> Likelihood:
     )
 
 
-def _judge_tasks(logits, graphs, chosen, n):
+def _judge_tasks(logits, graphs, chosen):
     """(log-probability, relative entropy, free) [N] over ragged legal edges, KEEP and IDLE."""
     rows, legal = graphs.rows, graphs.task_legal
     fixed = torch.where(graphs.keep_idle, logits.keep_idle.exp(), 0.0).sum(dim=1)
     edges = torch.where(legal, logits.task.exp(), 0.0)
-    norm = (fixed + torch.zeros(n).index_add(0, rows, edges)).log()
+    norm = (fixed + torch.zeros_like(fixed).index_add(0, rows, edges)).log()
     picked = torch.where(
         chosen >= 0, logits.task[chosen.clamp(min=0)] if len(rows) else 0.0,
         torch.where(chosen == KEEP, logits.keep_idle[:, 0], logits.keep_idle[:, 1]),
     )  # fmt: skip
     # Entropy = log Z - mean logit.
-    mean = torch.zeros(n).index_add(0, rows, edges * logits.task)
+    mean = torch.zeros_like(fixed).index_add(0, rows, edges * logits.task)
     mean = mean + torch.where(graphs.keep_idle, logits.keep_idle.exp() * logits.keep_idle, 0.0).sum(dim=1)
-    count = graphs.keep_idle.sum(dim=1) + torch.zeros(n, dtype=torch.long).index_add(0, rows, legal.long())
+    count = graphs.keep_idle.sum(dim=1).index_add(0, rows, legal.long())
     entropy = (norm - mean / norm.exp()) / count.clamp(min=2).log()
     return picked - norm, entropy, count > 1
 
@@ -108,7 +107,7 @@ def _judge_rows(logits, chosen, legal):
 
 
 def _judge_switch(logit, chosen, is_open):
-    yes, no = logsigmoid(logit), logsigmoid(-logit)
+    yes, no = functional.logsigmoid(logit), functional.logsigmoid(-logit)
     entropy = -(yes.exp() * yes + no.exp() * no) / np.log(2.0)
     return torch.where(chosen, yes, no), entropy, is_open
 

@@ -1,6 +1,8 @@
 """PPO over decisions of both roles (paper, section III-C and D): one joint ratio a robot decision, clipped once."""
 
+from copy import deepcopy
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import torch
@@ -11,6 +13,7 @@ from .critic import Agents
 from .heads import RobotChoices, judge_operators, judge_robots, tensors_of
 from .rollout import Experience
 from .states import States
+from .team import ALONE, Team
 
 
 @dataclass(frozen=True)
@@ -18,7 +21,8 @@ class Hyper:
     """Numbers of the learning algorithm, the same for every learned method."""
 
     gamma: float = 0.998  # a second
-    lam: float = 0.95  # a decision
+    lam: float = 0.95
+    trace: Literal["decision", "second"] = "decision"  # that `lam` is a decay of
     clip: float = 0.2
     epochs: int = 4
     decisions: int = 8192  # of robots, an update
@@ -30,17 +34,33 @@ class Hyper:
     target_kl: float = 0.03  # a minibatch beyond it ends the update
 
     @classmethod
-    def of(cls, n_robots: int) -> "Hyper":
+    def of(cls, n_robots: int, **others) -> "Hyper":
         """For a team: it shares one reward, so the more decide, the noisier each one's share of an update is."""
-        return cls(decisions=max(cls.decisions, 1024 * n_robots))
+        return cls(decisions=max(cls.decisions, 1024 * n_robots), **others)
+
+
+def check_device(device: str) -> None:
+    """Whether networks can learn there.
+
+    Raises:
+      ValueError: torch finds no such device.
+    """
+    if device == "cuda" and not torch.cuda.is_available():
+        raise ValueError("device: torch finds no CUDA device here: use cpu")
 
 
 class Learner:
-    """Optimises a method's actors and critic."""
+    """Optimises a method's actors and critic.
 
-    def __init__(self, method, hyper: Hyper):
-        self.method, self.hyper = method, hyper
-        self.optimizer = torch.optim.Adam(method.parameters(), lr=hyper.learning_rate, eps=1e-5)
+    Args:
+      method: on the CPU, where it flies; it gets what was learned after every update.
+      team: the processes whose gradients make one step. device: where this one computes its own.
+    """
+
+    def __init__(self, method, hyper: Hyper, team: Team = ALONE, device: str = "cpu"):
+        self.flown, self.hyper, self.team, self.device = method, hyper, team, torch.device(device)
+        self.method = method if self.device.type == "cpu" else deepcopy(method).to(self.device)
+        self.optimizer = torch.optim.Adam(self.method.parameters(), lr=hyper.learning_rate, eps=1e-5)
 
     def set_rate(self, share: float) -> None:
         """Learn at a share of the plan's rate."""
@@ -49,20 +69,35 @@ class Learner:
 
     def update(self, data: Experience, rng, is_cloning=False) -> dict:
         """Some epochs over the experience; `is_cloning` follows the remembered choices instead of their advantages."""
-        hyper, method = self.hyper, self.method
+        scale = self.method.scale
         for role, returns in enumerate((data.robot_return, data.operator_return)):
-            method.scale.update(role, torch.from_numpy(returns).float())
-        advantages = [_normal(a.sum(axis=1)) for a in (data.robot_advantage, data.operator_advantage)]
-        old = [torch.from_numpy(log_prob) for log_prob in (data.robot_log_prob, data.operator_log_prob)]
-        stats = []
+            scale.update(role, self._tensor(returns).float())
+        self.team.average(list(scale.buffers()))
+        stats = list(self._steps(data, rng, is_cloning))
+        if self.method is not self.flown:
+            self.flown.load_state_dict(self.method.state_dict())
+        return {name: float(np.mean([row[name] for row in stats])) for name in stats[0]}
+
+    def _steps(self, data, rng, is_cloning):
+        hyper = self.hyper
+        advantages = [self._tensor(_normal(a.sum(axis=1))) for a in (data.robot_advantage, data.operator_advantage)]
+        old = [self._tensor(log_prob) for log_prob in (data.robot_log_prob, data.operator_log_prob)]
         # Nobody decides in some states; a minibatch of nobody teaches nothing.
         alive = np.union1d(data.robot_state, data.operator_state)
+        minibatches = self.team.least(min(hyper.minibatches, len(alive)))
         for _ in range(hyper.epochs):
-            for states in np.array_split(rng.permutation(alive), min(hyper.minibatches, len(alive))):
-                stats.append(self._step(data, np.sort(states), advantages, old, is_cloning))
-                if not is_cloning and stats[-1]["kl"] > hyper.target_kl:
-                    return _means(stats)
-        return _means(stats)
+            for states in np.array_split(rng.permutation(alive), minibatches):
+                stats = self._step(data, np.sort(states), advantages, old, is_cloning)
+                yield stats
+                if not is_cloning and stats["kl"] > hyper.target_kl:
+                    return
+
+    def _tensor(self, array):
+        return torch.from_numpy(array).to(self.device)
+
+    def _tensors(self, columns):
+        """A named tuple of tensors, on the device."""
+        return columns._make(column.to(self.device) for column in columns)
 
     def _step(self, data, states, advantages, old, is_cloning):
         hyper, method = self.hyper, self.method
@@ -81,32 +116,38 @@ class Learner:
                 ratio = log_ratio.exp()
                 clipped = ratio.clamp(1.0 - hyper.clip, 1.0 + hyper.clip)
                 losses.append(-torch.min(ratio * advantage, clipped * advantage).mean())
-                kls.append(float((ratio - 1.0 - log_ratio).detach().mean()))
+                kls.append((ratio - 1.0 - log_ratio).detach().mean())
             entropies.append(now.entropy[free].mean())
         value_loss = self._value_loss(data, states, robots, operators)
         policy_loss, entropy = _mean(losses), _mean(entropies)
         loss = policy_loss - hyper.entropy * entropy + hyper.value * value_loss
         self.optimizer.zero_grad()
         loss.backward()
+        stats = torch.stack([part.detach().cpu() for part in (policy_loss, value_loss, entropy, _mean(kls))])
+        self.team.average([*self._gradients(), stats])
         norm = nn.utils.clip_grad_norm_(method.parameters(), hyper.max_grad)
         self.optimizer.step()
-        return {
-            "policy_loss": policy_loss.item(), "value_loss": value_loss.item(), "entropy": entropy.item(),
-            "kl": float(np.mean(kls)) if kls else 0.0, "grad_norm": norm.item(),
-        }  # fmt: skip
+        return dict(zip(("policy_loss", "value_loss", "entropy", "kl"), stats.tolist())) | {"grad_norm": norm.item()}
+
+    def _gradients(self):
+        """All of them: what this process had no use for, another may have."""
+        if self.team.size > 1:
+            for parameter in self.method.parameters():
+                if parameter.grad is None:
+                    parameter.grad = torch.zeros_like(parameter)
+        return [parameter.grad for parameter in self.method.parameters() if parameter.grad is not None]
 
     def _value_loss(self, data, states, robots, operators):
         method = self.method
         at = (data.robot_state, data.robots.robot, robots), (data.operator_state, data.operators.operator, operators)
         asked = [
-            Agents(torch.from_numpy(np.searchsorted(states, state[rows])), torch.from_numpy(agent[rows]))
-            for state, agent, rows in at
+            Agents(self._tensor(np.searchsorted(states, state[rows])), self._tensor(agent[rows])) for state, agent, rows in at
         ]
-        values = method.critic(States(*(torch.from_numpy(array[states]) for array in data.states)), *asked)
+        values = method.critic(States(*(self._tensor(array[states]) for array in data.states)), *asked)
         losses = []
         for role, (returns, rows) in enumerate(((data.robot_return, robots), (data.operator_return, operators))):
             if len(rows):
-                target = method.scale.normal(role, torch.from_numpy(returns[rows]).float())
+                target = method.scale.normal(role, self._tensor(returns[rows]).float())
                 losses.append(((values[role] - target) ** 2).mean())
         return _mean(losses)
 
@@ -114,17 +155,17 @@ class Learner:
         graphs, shift = pick_robots(data.robots, rows)
         # Only the worlds of the minibatch are encoded.
         worlds, index = np.unique(graphs.mission, return_inverse=True)
-        batch = robot_batch(graphs._replace(mission=index), data.public.shape[1])
-        public = torch.from_numpy(data.public[worlds].reshape(-1, data.public.shape[2]))
+        batch = self._tensors(robot_batch(graphs._replace(mission=index), data.public.shape[1]))
+        public = self._tensor(data.public[worlds].reshape(-1, data.public.shape[2]))
         task, *others = (column[rows] for column in data.robot_choices)
-        choices = tensors_of(RobotChoices(np.where(task >= 0, task + shift, task), *others))
+        choices = self._tensors(tensors_of(RobotChoices(np.where(task >= 0, task + shift, task), *others)))
         logits = self.method.robot(batch, public)
         # The teacher never asks: from it nobody learns when to.
         return judge_robots(logits._replace(query=None) if is_cloning else logits, batch, choices)
 
     def _judge_operators(self, data, rows):
-        graphs = operator_batch(data.operators, rows)
-        return judge_operators(self.method.operator(graphs), legal_picks(graphs), torch.from_numpy(data.operator_choices[rows]))
+        graphs, choices = self._tensors(operator_batch(data.operators, rows)), self._tensor(data.operator_choices[rows])
+        return judge_operators(self.method.operator(graphs), legal_picks(graphs), choices)
 
 
 def _rows_in(state_of, states):
@@ -139,9 +180,5 @@ def _mean(losses):
 
 def _normal(advantage):
     if not len(advantage):  # nobody of this role
-        return torch.zeros(0)
-    return torch.from_numpy((advantage - advantage.mean()) / (advantage.std() + 1e-8)).float()
-
-
-def _means(stats):
-    return {name: float(np.mean([row[name] for row in stats])) for name in stats[0]}
+        return np.zeros(0, np.float32)
+    return ((advantage - advantage.mean()) / (advantage.std() + 1e-8)).astype(np.float32)

@@ -1,7 +1,7 @@
-"""Ragged rows: the edges of row i are ptr[i]:ptr[i + 1]. Sums over them are compiled, with their gradients.
+"""Ragged rows: the edges of row i are ptr[i]:ptr[i + 1]. Sums over them are compiled for the CPU, with their gradients.
 
-An edge's hidden layer is relu(edge + source + receiver); it is made in registers and never lies in memory, which is what
-bounds the same sums in torch (tests hold both equal).
+An edge's hidden layer is relu(edge + source + receiver); there it is made in registers and never lies in memory, which is
+what bounds the same sums in torch. Other devices take those (tests hold both equal).
 """
 
 import numpy as np
@@ -16,7 +16,7 @@ NOTHING = np.float32(0.0)
 
 def rows_of(ptr: Tensor) -> Tensor:
     """[E] the row of every edge."""
-    return torch.repeat_interleave(torch.arange(len(ptr) - 1), ptr.diff())
+    return torch.repeat_interleave(torch.arange(len(ptr) - 1, device=ptr.device), ptr.diff())
 
 
 class Edges:
@@ -27,23 +27,37 @@ class Edges:
     """
 
     def __init__(self, ptr: Tensor, index: Tensor | None = None):
-        self.ptr, self.index = ptr, torch.zeros(int(ptr[-1]), dtype=torch.long) if index is None else index
+        self.ptr, self.index = ptr, ptr.new_zeros(int(ptr[-1])) if index is None else index
         self.exist = (ptr.diff() > 0).float()[:, None]  # [N, 1]
 
     def mean(self, edge: Tensor, source: Tensor | None, receiver: Tensor) -> Tensor:
         """[N, F] means over each row's edges of relu(edge [E, F] + source [., F] + receiver [N, F]); 0 without edges."""
         source = edge.new_zeros(1, edge.shape[1]) if source is None else source
-        return _Mean.apply(edge, source, receiver, self.index, self.ptr)
+        mean = _Mean.apply if edge.is_cpu else plain_mean
+        return mean(edge, source, receiver, self.index, self.ptr)
 
     def score(self, edge: Tensor, source: Tensor | None, receiver: Tensor, weight: Tensor) -> Tensor:
         """[E] products of the same hidden layers with weight [F]."""
         source = edge.new_zeros(1, edge.shape[1]) if source is None else source
-        return _Score.apply(edge, source, receiver, weight, self.index, self.ptr)
+        score = _Score.apply if edge.is_cpu else plain_score
+        return score(edge, source, receiver, weight, self.index, self.ptr)
 
 
 def edges_where(exist: Tensor) -> Edges:
     """The edges of a dense table [N, M] of bool, row after row."""
     return Edges(functional.pad(exist.sum(dim=1).cumsum(dim=0), (1, 0)))
+
+
+def plain_mean(edge, source, receiver, index, ptr):
+    """`Edges.mean` in torch."""
+    rows = rows_of(ptr)
+    total = torch.zeros_like(receiver).index_add(0, rows, torch.relu(edge + source[index] + receiver[rows]))
+    return total / ptr.diff().clamp(min=1)[:, None]
+
+
+def plain_score(edge, source, receiver, weight, index, ptr):
+    """`Edges.score` in torch."""
+    return torch.relu(edge + source[index] + receiver[rows_of(ptr)]) @ weight
 
 
 class _Mean(torch.autograd.Function):

@@ -152,7 +152,7 @@ class Collector:
         self.next_seed, self.scores = state["next_seed"], state["scores"]
         self._fly(batch)
 
-    def collect(self, n_decisions: int, critic, scale, gamma, lam, teacher=None) -> Experience:
+    def collect(self, n_decisions: int, critic, scale, gamma, lam, trace="decision", teacher=None) -> Experience:
         """At least so many robot decisions; a `teacher` policy may make them, whose choices are then remembered."""
         steps, batch = [], self.batch
         worlds, world_of = [self.public.copy()], np.arange(len(batch.seeds))  # a restart overwrites `public`
@@ -181,9 +181,9 @@ class Collector:
             decided = decided._replace(robots=robots._replace(mission=world_of[robots.mission]))
             steps.append((states, decided, robots_in, operators_in, at, batch.rewards, batch.time - time, batch.over))
             n += len(robots.itself)
-        return self._experience(steps, np.concatenate(worlds), critic, scale, gamma, lam)
+        return self._experience(steps, np.concatenate(worlds), critic, scale, (gamma, lam, trace))
 
-    def _experience(self, steps, public, critic, scale, gamma, lam):
+    def _experience(self, steps, public, critic, scale, fading):
         states, decided, robots_in, operators_in, at, rewards, elapsed, over = zip(*steps)
         decided = Decided(*zip(*decided))
         starts = np.cumsum([0] + [len(part.robot) for part in states])
@@ -197,7 +197,7 @@ class Collector:
         both = [np.concatenate(pair) for pair in zip(*map(np.split, values, cuts))]  # by step
         rows = [tuple(np.concatenate(pair) for pair in zip(*two)) for two in at]
         last = self._last_values(critic, scale)
-        parts = estimate_advantages(both, rows, np.array(rewards), np.array(elapsed), np.array(over), last, gamma, lam)
+        parts = estimate_advantages(both, rows, np.array(rewards), np.array(elapsed), np.array(over), last, *fading)
         advantages = [np.concatenate(role) for role in zip(*((part[:n], part[n:]) for part, n in zip(parts, n_robots)))]
         return Experience(
             joined, robots, operators, public, join_choices(decided.robots, decided.choices), np.concatenate(decided.picks),

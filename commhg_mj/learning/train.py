@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,10 +17,11 @@ from .log import Log
 from .ppo import Hyper, Learner
 from .registry import find_method
 from .rollout import Collector
+from .team import ALONE, Team
 from .validation import Validation
 from .weights import load_weights, save_weights
 
-FORMAT = "commhg_mj training 1"
+FORMAT = "commhg_mj training 2"
 STATE, WEIGHTS = "state.pt", "weights.safetensors"
 TRAINING_SEEDS = 10**6  # missions of training seed s begin at (1 + s) times this; evaluation stays far below
 VALIDATE_EVERY = 20  # updates
@@ -37,6 +39,7 @@ class Plan:
     limitation: str = "nominal"
     missions: int = 3000  # to fly in all
     side_by_side: int = 32
+    workers: int = 1  # processes, which share missions and decisions
     clone_updates: int = 6  # that imitate Greedy at first
     init: str = ""  # weights to begin with
     hyper: Hyper = Hyper()
@@ -46,44 +49,42 @@ class Training:
     """One run of a plan.
 
     >>> training = Training(plan, "runs/x")
-    >>> while not training.is_done:
-    ...     training.log(training.update())
-    ...     training.save()
+    >>> for row in training.run():
+    ...     print(row["twcr"])
 
     Args:
       state: where the run stood, for `resume`; None: at its beginning.
+      team: of `plan.workers` processes, each with a Training of its own.
+      device: where the networks learn; missions are flown on the CPU.
     """
 
-    def __init__(self, plan: Plan, folder, state: dict | None = None):
+    def __init__(self, plan: Plan, folder, state: dict | None = None, team: Team = ALONE, device: str = "cpu"):
         torch.set_num_threads(1)
-        self.plan, self.folder = plan, Path(folder)
-        self.rng = np.random.default_rng([plan.seed, 0])
+        self.plan, self.folder, self.team = plan, Path(folder), team
+        self.rng = np.random.default_rng([plan.seed, team.rank])
         torch.manual_seed(plan.seed)
         self.method = find_method(plan.method)()
         self.cpu_before = 0.0  # that the weights to begin with had cost
-        if plan.init and state is None:
+        if state is not None:
+            self.method.load_state_dict(state["method"])
+        elif plan.init:
             self.cpu_before = begin_with(self.method, plan.init)
-        self.learner = Learner(self.method, plan.hyper)
-        first = (1 + plan.seed) * TRAINING_SEEDS
+        self.learner = Learner(self.method, plan.hyper, team, device)
+        first = (1 + plan.seed) * TRAINING_SEEDS + team.rank * (TRAINING_SEEDS // team.size)
         self.collector = Collector(
-            self.method, plan.scenario, first, plan.side_by_side, plan.links, plan.limitation, self.rng
+            self.method, plan.scenario, first, team.share(plan.side_by_side), plan.links, plan.limitation, self.rng
         )  # fmt: skip
-        self.updates, self.decisions, self.cpu_seconds = 0, 0, 0.0
+        self.updates, self.missions, self.decisions, self.cpu_seconds = 0, 0, 0, 0.0  # of the whole team
         self.validation, self.written = Validation(plan.scenario, plan.links, plan.limitation), None
         if state is not None:
             self._go_on_from(state)
 
     def _go_on_from(self, state):
-        self.method.load_state_dict(state["method"])
         self.learner.optimizer.load_state_dict(state["optimizer"])
-        self.collector.load_state_dict(state["collector"])
-        self.rng.bit_generator.state = state["rng"]
-        self.updates, self.decisions, self.cpu_seconds, self.cpu_before = state["counts"]
-
-    @property
-    def missions(self) -> int:
-        """Missions flown to their end."""
-        return len(self.collector.scores)
+        mine = state["workers"][self.team.rank]
+        self.collector.load_state_dict(mine["collector"])
+        self.rng.bit_generator.state = mine["rng"]
+        self.updates, self.missions, self.decisions, self.cpu_seconds, self.cpu_before = state["counts"]
 
     @property
     def is_done(self) -> bool:
@@ -92,6 +93,15 @@ class Training:
     @property
     def is_cloning(self) -> bool:
         return self.updates < self.plan.clone_updates and not self.plan.init
+
+    def run(self, cpu_seconds: float = float("inf")) -> Iterator[dict]:
+        """What happened in each update until the run is done, or has cost so much; all that is told is saved."""
+        while not self.is_done and self.cpu_seconds + self.cpu_before < cpu_seconds:
+            row = self.update()
+            if self.team.is_first:
+                self.log(row)
+            self.save()
+            yield row
 
     def update(self) -> dict:
         """Collect and learn once; what happened, by name.
@@ -102,30 +112,36 @@ class Training:
         start, hyper, collector = time.process_time(), self.plan.hyper, self.collector
         teacher = POLICIES["greedy"].make(collector.batch) if self.is_cloning else None
         self.learner.set_rate(1.0 - self.missions / self.plan.missions)
-        data = collector.collect(hyper.decisions, self.method.critic, self.method.scale, hyper.gamma, hyper.lam, teacher)
+        data = collector.collect(
+            self.team.share(hyper.decisions), self.method.critic, self.method.scale, hyper.gamma, hyper.lam, hyper.trace, teacher
+        )  # fmt: skip
         stats = self.learner.update(data, self.rng, self.is_cloning)
         wrong = ", ".join(f"{name} is {value}" for name, value in stats.items() if not np.isfinite(value))
         if wrong:
             before = f"{self.folder} keeps what was saved before it, to resume or to analyse"
             raise FloatingPointError(f"update {self.updates + 1}: {wrong}: the training has diverged; {before}")
-        self.updates += 1
-        self.decisions += len(data.robot_state)
-        seconds = time.process_time() - start
-        self.cpu_seconds += seconds
         recent = collector.scores[-RECENT:]
+        missions, twcr, n_recent, decisions, seconds = self.team.total(
+            len(collector.scores), sum(recent), len(recent), len(data.robot_state), time.process_time() - start
+        )  # fmt: skip
+        self.updates, self.missions, self.decisions = self.updates + 1, int(missions), self.decisions + int(decisions)
+        self.cpu_seconds += seconds
         facts = {"update": self.updates, "missions": self.missions, "decisions": self.decisions, "cpu_seconds": self.cpu_seconds}
-        facts |= {"rate": len(data.robot_state) / seconds, "twcr": float(np.mean(recent)) if recent else float("nan")}
-        is_time = self.updates % VALIDATE_EVERY == 0 or self.is_done
+        facts |= {"rate": decisions / seconds, "twcr": twcr / n_recent if n_recent else float("nan")}
+        is_time = self.team.is_first and (self.updates % VALIDATE_EVERY == 0 or self.is_done)
         return facts | {"validation": self.validation.score(self.method) if is_time else float("nan")} | stats
 
     def save(self) -> None:
-        """Write the run's weights, then its state, and nothing half; the state is what counts."""
+        """Write the run's weights, then its state, and nothing half; the state is what counts. The whole team calls it."""
+        workers = self.team.gather({"collector": self.collector.state_dict(), "rng": self.rng.bit_generator.state})
+        if not self.team.is_first:
+            return
         self.folder.mkdir(parents=True, exist_ok=True)
         save_weights(self.method, self.folder / WEIGHTS, self.facts())
         state = {
             "format": FORMAT, "plan": plan_to_json(self.plan), "method": self.method.state_dict(),
-            "optimizer": self.learner.optimizer.state_dict(), "collector": self.collector.state_dict(),
-            "rng": self.rng.bit_generator.state, "counts": [self.updates, self.decisions, self.cpu_seconds, self.cpu_before],
+            "optimizer": self.learner.optimizer.state_dict(), "workers": workers,
+            "counts": [self.updates, self.missions, self.decisions, self.cpu_seconds, self.cpu_before],
         }  # fmt: skip
         with whole_file(self.folder / STATE) as draft:
             torch.save(state, draft)
@@ -142,7 +158,7 @@ class Training:
         self.written.write(row)
 
     @classmethod
-    def resume(cls, folder) -> "Training":
+    def resume(cls, folder, team: Team = ALONE, device: str = "cpu") -> "Training":
         """The run in a folder, where it stood.
 
         Raises:
@@ -150,9 +166,9 @@ class Training:
         """
         path = Path(folder) / STATE
         try:
-            state = dict(torch.load(path, weights_only=True))
+            state = dict(torch.load(path, map_location="cpu", weights_only=True))
             if state["format"] == FORMAT:
-                return cls(plan_from_json(state["plan"]), folder, state)
+                return cls(plan_from_json(state["plan"]), folder, state, team, device)
         except FileNotFoundError:
             raise ValueError(f"{path}: there is no run to resume") from None
         except Exception as error:  # files are damaged in more ways than torch, JSON and our own rules have errors for

@@ -12,6 +12,7 @@ import pytest
 import torch
 from learners import NAMES, QUICK
 
+from commhg_mj.cli.learn import Train
 from commhg_mj.learning import curriculum, ppo, train
 from commhg_mj.learning.registry import find_method
 from commhg_mj.learning.train import Plan
@@ -28,7 +29,7 @@ def quick():
     """A few decisions an update."""
     ensure_compiled(POLICIES.values())
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(ppo.Hyper, "of", lambda n_robots: QUICK)
+        patch.setattr(ppo.Hyper, "of", lambda n_robots, **others: replace(QUICK, **others))
         patch.setitem(sys.modules, "torch.utils.tensorboard", None)
         yield
 
@@ -120,6 +121,9 @@ BAD = {
     "missions": (0, "--missions"),
     "side-by-side": (0, "--side-by-side"),
     "init": ("nowhere.safetensors", "nowhere.safetensors"),
+    "workers": (0, "--workers"),
+    "lam": ("nan", "--lam"),
+    "device": ("cuda", "device"),
 }
 
 
@@ -128,6 +132,30 @@ def test_train_refuses_bad_options_and_leaves_nothing(refused, tiny, tmp_path, n
     value, word = BAD[name]
     assert word in refused("train", *options(tiny, "r", **{name: value}))
     assert not (tmp_path / "r").exists()
+
+
+def test_every_worker_has_a_mission(refused, tiny, tmp_path):
+    assert "--side-by-side must be at least 7" in refused("train", *options(tiny, "r", workers=7))
+    assert not (tmp_path / "r").exists()
+
+
+def test_options_of_learning_are_the_plans_own(run, tiny, tmp_path):
+    assert run("train", *options(tiny, "r", missions=1, lam=0.99, trace="second", **{"side-by-side": 5}))[0] == 0
+    plan = train.Training.resume(tmp_path / "r").plan
+    assert (plan.hyper.lam, plan.hyper.trace, plan.side_by_side) == (0.99, "second", 5)
+    hyper, plain = ppo.Hyper(), Train(tmp_path)
+    assert (plain.lam, plain.trace) == (hyper.lam, hyper.trace)
+
+
+@pytest.mark.slow
+def test_workers_train_together_and_resume(run, tiny, tmp_path):
+    assert run("train", *options(tiny, "r", missions=8, workers=2))[0] == 0
+    state = torch.load(tmp_path / "r" / "state.pt", weights_only=True)
+    flown = [len(worker["collector"]["scores"]) for worker in state["workers"]]
+    assert len(flown) == 2 and min(flown) > 0 and state["counts"][1] == sum(flown) >= 8
+    before = (tmp_path / "r" / "state.pt").read_bytes()
+    code, out, _ = run("train", "--out", "r", "--resume")
+    assert code == 0 and "weights.safetensors after" in out and (tmp_path / "r" / "state.pt").read_bytes() == before
 
 
 @pytest.mark.parametrize("minutes", [0, -1, "nan"])
@@ -195,9 +223,10 @@ def test_numbers_that_are_none_end_in_one_line(refused, tiny, tmp_path, monkeypa
 
 
 @pytest.mark.slow
-def test_control_c_leaves_a_run_to_resume(tiny, tmp_path):
+@pytest.mark.parametrize("workers", [1, 2])
+def test_control_c_leaves_a_run_to_resume(tiny, tmp_path, workers):
     main = "import sys; from commhg_mj.cli import main; sys.exit(main())"
-    command = [sys.executable, "-c", main, "train", *map(str, options(tiny, tmp_path / "r", missions=10**6))]
+    command = [sys.executable, "-c", main, "train", *map(str, options(tiny, tmp_path / "r", missions=10**6, workers=workers))]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     while not (tmp_path / "r" / train.STATE).exists() and process.poll() is None:
         time.sleep(0.1)

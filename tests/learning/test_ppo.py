@@ -2,10 +2,11 @@
 
 import dataclasses
 
+import far
 import numpy as np
 import pytest
 import torch
-from learners import NAMES, QUICK, Row, experience, run, shaken
+from learners import NAMES, QUICK, Row, experience, run, shaken, updated
 from torch import nn
 from torch.nn.functional import logsigmoid
 
@@ -139,7 +140,7 @@ def collected(tmp_path, method, decisions, teacher=False, **options):
     shaken(training.method)
     policy = POLICIES["greedy"].make(training.collector.batch) if teacher else None
     parts = training.method.critic, training.method.scale
-    return training, training.collector.collect(decisions, *parts, hyper.gamma, hyper.lam, policy)
+    return training, training.collector.collect(decisions, *parts, hyper.gamma, hyper.lam, teacher=policy)
 
 
 @torch.no_grad()
@@ -183,3 +184,15 @@ def test_cloning_teaches_nobody_not_to_ask(tmp_path):
     actor = training.method.robot
     assert all(part.grad is None for head in (actor.query, actor.nobody, actor.query_operator) for part in head.parameters())
     assert actor.gate[0].weight.grad is not None
+
+
+@pytest.mark.parametrize("method", NAMES)
+def test_another_device_learns_the_same(tmp_path, method):
+    """No tensor of the update stays behind on the CPU; what was learned comes back to where missions are flown."""
+    near = updated(run(tmp_path / "near", method), 2)
+    with far.Present() as present:
+        away = updated(run(tmp_path / "far", method, device="far"), 2)
+        assert all(parameter.device == far.DEVICE for parameter in away.learner.method.parameters())
+        assert all(parameter.is_cpu for parameter in away.method.parameters()) and present.n_operations > 1000
+    for one, other in zip(near.method.parameters(), away.method.parameters()):
+        torch.testing.assert_close(one, other, rtol=1e-3, atol=1e-4)

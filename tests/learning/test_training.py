@@ -28,7 +28,7 @@ from commhg_mj.pilots import prepare
 
 
 def collect(training, decisions, teacher=None, gamma=QUICK.gamma, lam=QUICK.lam):
-    return training.collector.collect(decisions, training.method.critic, training.method.scale, gamma, lam, teacher)
+    return training.collector.collect(decisions, training.method.critic, training.method.scale, gamma, lam, teacher=teacher)
 
 
 def watched(training, look):

@@ -93,7 +93,7 @@ class OperatorActor(nn.Module):
         known = edges.score(
             after(self.score_report, self.report, records), None, self.score_operator(node), self.score.weight[0]
         ) + self.score.bias  # fmt: skip
-        score = torch.zeros(graphs.known.shape).masked_scatter(graphs.known, known)
+        score = known.new_zeros(graphs.known.shape).masked_scatter(graphs.known, known)
         own = score.gather(1, graphs.held.clamp(min=0)[:, None])[:, 0]
         keep_rest = self.keep_rest(node)
         keep = keep_rest[:, 0] + torch.where(graphs.held >= 0, own, 0.0)

@@ -37,7 +37,7 @@ class RobotMLP(nn.Module):
         peers, _ = best_edges(graphs.peer_ptr, graphs.peer_rows, graphs.peer_edge, graphs.peer_edge[:, -1], N_PEERS)
         operators = fit(graphs.resource, N_OPERATORS)
         out = bounded(self.net(torch.cat([graphs.itself, tasks, peers, operators], dim=1)))
-        score = torch.full((len(graphs.rows),), LEFT_OUT)
+        score = out.new_full((len(graphs.rows),), LEFT_OUT)
         is_there = picked >= 0
         score = score.index_put((picked[is_there],), out[:, 2:][is_there])
         return RobotLogits(score, out[:, :2], None, None, None)
@@ -57,7 +57,7 @@ class OperatorMLP(nn.Module):
         reports = torch.cat([graphs.report, graphs.known[..., None].float()], dim=2)
         best = reports.gather(1, order[..., None].expand(-1, -1, reports.shape[2]))
         out = bounded(self.net(torch.cat([graphs.itself, fit(best, N_REPORTS)], dim=1)))
-        score = torch.full((k, r), LEFT_OUT).scatter(1, order, out[:, 2 : 2 + order.shape[1]])
+        score = out.new_full((k, r), LEFT_OUT).scatter(1, order, out[:, 2 : 2 + order.shape[1]])
         return torch.cat([out[:, :2], score], dim=1)
 
 
@@ -66,11 +66,11 @@ def best_edges(ptr: Tensor, rows: Tensor, edges: Tensor, rank: Tensor, k: int) -
     n = len(ptr) - 1
     # By row, then by rank: ranks are small numbers.
     order = (rows.double() * 1e6 - rank.double()).argsort(stable=True)
-    place = torch.arange(len(rows)) - ptr[rows]
+    place = torch.arange(len(rows), device=rows.device) - ptr[rows]
     kept = place < k
-    picked = torch.full((n, k), -1).index_put((rows[kept], place[kept]), order[kept])
+    picked = rows.new_full((n, k), -1).index_put((rows[kept], place[kept]), order[kept])
     is_there = (picked >= 0)[..., None]
-    padded = torch.cat([edges, torch.zeros(1, edges.shape[1])])
+    padded = torch.cat([edges, edges.new_zeros(1, edges.shape[1])])
     features = padded[picked]  # -1 is the row of zeros
     return torch.cat([features, is_there.float()], dim=2).flatten(1), picked
 
