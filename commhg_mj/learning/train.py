@@ -4,6 +4,7 @@ import dataclasses
 import json
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -162,18 +163,29 @@ class Training:
         """The run in a folder, where it stood.
 
         Raises:
-          ValueError: there is none, or it is damaged or foreign; the message names it.
+          ValueError: there is none, or it is damaged or foreign, or another team's; the message names it.
         """
         path = Path(folder) / STATE
-        try:
+        with _naming(path):
             state = dict(torch.load(path, map_location="cpu", weights_only=True))
-            if state["format"] == FORMAT:
-                return cls(plan_from_json(state["plan"]), folder, state, team, device)
-        except FileNotFoundError:
-            raise ValueError(f"{path}: there is no run to resume") from None
-        except Exception as error:  # files are damaged in more ways than torch, JSON and our own rules have errors for
-            raise ValueError(f"{path} is damaged or no training ({type(error).__name__})") from error
-        raise ValueError(f"{path} is of another format: {state['format']}")
+            is_ours = state["format"] == FORMAT
+            plan = plan_from_json(state["plan"]) if is_ours else None
+        if not is_ours:
+            raise ValueError(f"{path} is of another format: {state['format']}")
+        if plan.workers != team.size:
+            raise ValueError(f"{path} is a run of {plan.workers} workers, not {team.size}: see learning.team.team_of")
+        with _naming(path):
+            return cls(plan, folder, state, team, device)
+
+
+@contextmanager
+def _naming(path):
+    try:
+        yield
+    except FileNotFoundError:
+        raise ValueError(f"{path}: there is no run to resume") from None
+    except Exception as error:  # files are damaged in more ways than torch, JSON and our own rules have errors for
+        raise ValueError(f"{path} is damaged or no training ({type(error).__name__})") from error
 
 
 def begin_with(method, path) -> float:

@@ -1,6 +1,7 @@
 """Runs: what the collector remembers, and going on to the same bits after any interruption."""
 
 import csv
+import dataclasses
 import json
 import signal
 import subprocess
@@ -196,6 +197,12 @@ def test_a_run_that_is_thrown_away_goes_on_to_the_same_bits(tmp_path, method):
     assert same_bits(whole, Training.resume(tmp_path / "first"))
 
 
+def test_the_same_seed_leads_to_the_same_weights_after_twenty_updates(tmp_path):
+    hyper = dataclasses.replace(QUICK, decisions=40, minibatches=1)
+    one, other = (updated(run(tmp_path / name, hyper=hyper), 20) for name in ("one", "other"))
+    assert one.missions > 10 and same_bits(one, other)
+
+
 def test_seeds_matter(tmp_path):
     one, other = (updated(run(tmp_path, seed=seed), 1).method.state_dict() for seed in (1, 2))
     weights = [name for name in one if name.endswith("weight") and not name.startswith("scale")]
@@ -259,7 +266,7 @@ def test_the_state_is_whole_or_old(tmp_path, monkeypatch):
 
 
 def test_a_plan_is_itself_after_a_round_trip():
-    plan = Plan("mappo", SHORT, 3, "raycast", "high", 10, 2, 1, "x.safetensors", QUICK)
+    plan = Plan("mappo", SHORT, 3, "raycast", "high", 10, 2, 2, 1, "x.safetensors", QUICK)
     assert plan_from_json(plan_to_json(plan)) == plan
 
 
@@ -362,7 +369,10 @@ DAMAGES = {
     "an unknown field": lambda path: rewrite(path, plan='{"scenario": {}, "hyper": {}, "what": 1}'),
     "no networks": lambda path: rewrite(path, method={}),
     "no optimiser": lambda path: rewrite(path, optimizer={"state": {}, "param_groups": []}),
-    "no missions": lambda path: rewrite(path, collector={"seeds": [], "next_seed": 0, "arrays": {}, "scores": []}),
+    "no workers": lambda path: rewrite(path, workers=[]),
+    "no missions": lambda path: rewrite(
+        path, workers=[{"collector": {"seeds": [], "next_seed": 0, "arrays": {}, "scores": []}, "rng": {}}]
+    ),
     "counts": lambda path: rewrite(path, counts=[1]),
 }
 
@@ -383,6 +393,14 @@ def test_a_damaged_or_foreign_state_is_refused_by_name(saved, tmp_path, damage):
         Training.resume(tmp_path)
     assert "\n" not in str(caught.value)
     assert ("another format" in str(caught.value)) == (damage == "another format")
+
+
+def test_a_run_of_several_workers_is_not_resumed_by_one(tmp_path):
+    training = run(tmp_path)
+    training.plan = dataclasses.replace(training.plan, workers=2)
+    training.save()
+    with pytest.raises(ValueError, match=f"{tmp_path / STATE} is a run of 2 workers, not 1"):
+        Training.resume(tmp_path)
 
 
 def test_a_folder_without_a_run_is_refused_by_name(tmp_path):
