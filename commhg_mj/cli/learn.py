@@ -93,7 +93,8 @@ class Train:
             begin_with(method, self.init)
         plan = Plan(
             self.method, scenario, self.seed, self.links, self.limitation, self.missions,
-            self.side_by_side, self.workers, init=self.init, hyper=Hyper.of(scenario.n_robots, lam=self.lam, trace=self.trace),
+            self.side_by_side, self.workers, init=self.init,
+            hyper=Hyper.of(scenario.n_robots, bool(self.init), lam=self.lam, trace=self.trace),
         )  # fmt: skip
         make_folder(self.out)
         write_plan(plan, self.out)

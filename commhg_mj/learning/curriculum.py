@@ -23,11 +23,14 @@ def stages(plan: Plan, folder) -> list[tuple[Plan, Path]]:
     found, init = [], ""
     for name, missions in MISSIONS.items():
         if SCENARIOS[name].n_robots < plan.scenario.n_robots:
-            hyper = Hyper.of(SCENARIOS[name].n_robots)
-            stage = dataclasses.replace(plan, scenario=SCENARIOS[name], missions=missions, init=init, hyper=hyper)
-            found.append((stage, folder / name))
+            found.append((_stage(plan, SCENARIOS[name], missions, init), folder / name))
             init = str(folder / name / WEIGHTS)
-    return [*found, (dataclasses.replace(plan, init=init), folder)]
+    return [*found, (_stage(plan, plan.scenario, plan.missions, init), folder)]
+
+
+def _stage(plan, scenario, missions, init):
+    hyper = Hyper.of(scenario.n_robots, bool(init), lam=plan.hyper.lam, trace=plan.hyper.trace)
+    return dataclasses.replace(plan, scenario=scenario, missions=missions, init=init, hyper=hyper)
 
 
 def trainings(plan: Plan, folder, team: Team = ALONE, device: str = "cpu") -> Iterator[Training]:

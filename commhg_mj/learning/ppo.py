@@ -15,6 +15,9 @@ from .rollout import Experience
 from .states import States
 from .team import ALONE, Team
 
+# What an update is for: to imitate the choices remembered, to learn their values alone, or to choose better than they did.
+Aim = Literal["clone", "value", "improve"]
+
 
 @dataclass(frozen=True)
 class Hyper:
@@ -34,9 +37,13 @@ class Hyper:
     target_kl: float = 0.03  # a minibatch beyond it ends the update
 
     @classmethod
-    def of(cls, n_robots: int, **others) -> "Hyper":
-        """For a team: it shares one reward, so the more decide, the noisier each one's share of an update is."""
-        return cls(decisions=max(cls.decisions, 1024 * n_robots), **others)
+    def of(cls, n_robots: int, is_refining: bool, **others) -> "Hyper":
+        """For a team: it shares one reward, so the more decide, the noisier each one's share of an update is.
+
+        Weights to begin with have explored already; in that noise a pull to entropy would undo them.
+        """
+        entropy = 0.0 if is_refining else cls.entropy
+        return cls(decisions=max(cls.decisions, 1024 * n_robots), entropy=entropy, **others)
 
 
 def check_device(device: str) -> None:
@@ -67,18 +74,18 @@ class Learner:
         for group in self.optimizer.param_groups:
             group["lr"] = self.hyper.learning_rate * max(0.05, share)
 
-    def update(self, data: Experience, rng, is_cloning=False) -> dict:
-        """Some epochs over the experience; `is_cloning` follows the remembered choices instead of their advantages."""
+    def update(self, data: Experience, rng, aim: Aim = "improve") -> dict:
+        """Some epochs over the experience."""
         scale = self.method.scale
         for role, returns in enumerate((data.robot_return, data.operator_return)):
             scale.update(role, self._tensor(returns).float())
         self.team.average(list(scale.buffers()))
-        stats = list(self._steps(data, rng, is_cloning))
+        stats = list(self._steps(data, rng, aim))
         if self.method is not self.flown:
             self.flown.load_state_dict(self.method.state_dict())
         return {name: float(np.mean([row[name] for row in stats])) for name in stats[0]}
 
-    def _steps(self, data, rng, is_cloning):
+    def _steps(self, data, rng, aim):
         hyper = self.hyper
         advantages = [self._tensor(_normal(a.sum(axis=1))) for a in (data.robot_advantage, data.operator_advantage)]
         old = [self._tensor(log_prob) for log_prob in (data.robot_log_prob, data.operator_log_prob)]
@@ -87,9 +94,9 @@ class Learner:
         minibatches = self.team.least(min(hyper.minibatches, len(alive)))
         for _ in range(hyper.epochs):
             for states in np.array_split(rng.permutation(alive), minibatches):
-                stats = self._step(data, np.sort(states), advantages, old, is_cloning)
+                stats = self._step(data, np.sort(states), advantages, old, aim)
                 yield stats
-                if not is_cloning and stats["kl"] > hyper.target_kl:
+                if stats["kl"] > hyper.target_kl:
                     return
 
     def _tensor(self, array):
@@ -99,16 +106,16 @@ class Learner:
         """A named tuple of tensors, on the device."""
         return columns._make(column.to(self.device) for column in columns)
 
-    def _step(self, data, states, advantages, old, is_cloning):
+    def _step(self, data, states, advantages, old, aim):
         hyper, method = self.hyper, self.method
         robots, operators = _rows_in(data.robot_state, states), _rows_in(data.operator_state, states)
-        new = [self._judge_robots(data, robots, is_cloning), self._judge_operators(data, operators)]
+        new = [] if aim == "value" else [self._judge_robots(data, robots, aim), self._judge_operators(data, operators)]
         losses, entropies, kls = [], [], []
         for role, (rows, now) in enumerate(zip((robots, operators), new)):
             free = now.is_free
             if not free.any():
                 continue
-            if is_cloning:
+            if aim == "clone":
                 losses.append(-now.log_prob[free].mean())
             else:
                 advantage = advantages[role][rows][free]
@@ -151,7 +158,7 @@ class Learner:
                 losses.append(((values[role] - target) ** 2).mean())
         return _mean(losses)
 
-    def _judge_robots(self, data, rows, is_cloning):
+    def _judge_robots(self, data, rows, aim):
         graphs, shift = pick_robots(data.robots, rows)
         # Only the worlds of the minibatch are encoded.
         worlds, index = np.unique(graphs.mission, return_inverse=True)
@@ -161,7 +168,7 @@ class Learner:
         choices = self._tensors(tensors_of(RobotChoices(np.where(task >= 0, task + shift, task), *others)))
         logits = self.method.robot(batch, public)
         # The teacher never asks: from it nobody learns when to.
-        return judge_robots(logits._replace(query=None) if is_cloning else logits, batch, choices)
+        return judge_robots(logits._replace(query=None) if aim == "clone" else logits, batch, choices)
 
     def _judge_operators(self, data, rows):
         graphs, choices = self._tensors(operator_batch(data.operators, rows)), self._tensor(data.operator_choices[rows])

@@ -14,8 +14,9 @@ import torch
 from ..files import whole_file
 from ..policies import POLICIES
 from ..scenarios import Scenario, from_json, to_json
+from .critic import ReturnScale
 from .log import Log
-from .ppo import Hyper, Learner
+from .ppo import Aim, Hyper, Learner
 from .registry import find_method
 from .rollout import Collector
 from .team import ALONE, Team
@@ -41,7 +42,7 @@ class Plan:
     missions: int = 3000  # to fly in all
     side_by_side: int = 32
     workers: int = 1  # processes, which share missions and decisions
-    clone_updates: int = 6  # that imitate Greedy at first
+    first_updates: int = 6  # that imitate Greedy; given weights are kept in them, while the critic gets to know the missions
     init: str = ""  # weights to begin with
     hyper: Hyper = Hyper()
 
@@ -92,8 +93,10 @@ class Training:
         return self.missions >= self.plan.missions
 
     @property
-    def is_cloning(self) -> bool:
-        return self.updates < self.plan.clone_updates and not self.plan.init
+    def aim(self) -> Aim:
+        if self.updates >= self.plan.first_updates:
+            return "improve"
+        return "value" if self.plan.init else "clone"
 
     def run(self, cpu_seconds: float = float("inf")) -> Iterator[dict]:
         """What happened in each update until the run is done, or has cost so much; all that is told is saved."""
@@ -110,13 +113,13 @@ class Training:
         Raises:
           FloatingPointError: a number is none; what was saved before stays as it is.
         """
-        start, hyper, collector = time.process_time(), self.plan.hyper, self.collector
-        teacher = POLICIES["greedy"].make(collector.batch) if self.is_cloning else None
+        start, hyper, collector, aim = time.process_time(), self.plan.hyper, self.collector, self.aim
+        teacher = POLICIES["greedy"].make(collector.batch) if aim == "clone" else None
         self.learner.set_rate(1.0 - self.missions / self.plan.missions)
         data = collector.collect(
             self.team.share(hyper.decisions), self.method.critic, self.method.scale, hyper.gamma, hyper.lam, hyper.trace, teacher
         )  # fmt: skip
-        stats = self.learner.update(data, self.rng, self.is_cloning)
+        stats = self.learner.update(data, self.rng, aim)
         wrong = ", ".join(f"{name} is {value}" for name, value in stats.items() if not np.isfinite(value))
         if wrong:
             before = f"{self.folder} keeps what was saved before it, to resume or to analyse"
@@ -198,6 +201,7 @@ def begin_with(method, path) -> float:
     if other.name != method.name:
         raise ValueError(f"init: {path} holds {other.name}, not {method.name}")
     method.load_state_dict(other.state_dict())
+    method.scale = ReturnScale()  # other missions may pay otherwise
     return facts.get("cpu_seconds", 0) + facts.get("cpu_seconds_before", 0)
 
 

@@ -60,7 +60,7 @@ def training_speeds(scenario, updates=3) -> list[Speed]:
     from ..learning.train import Plan, Training
 
     with tempfile.TemporaryDirectory() as folder:
-        training = Training(Plan("commhg", scenario, clone_updates=0, hyper=Hyper.of(scenario.n_robots)), folder)
+        training = Training(Plan("commhg", scenario, first_updates=0, hyper=Hyper.of(scenario.n_robots, False)), folder)
         training.update()  # memory and kernels are warm afterwards
         decisions, seconds = training.decisions, training.cpu_seconds
         for _ in range(updates):

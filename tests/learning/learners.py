@@ -34,7 +34,7 @@ QUICK = Hyper(decisions=160, minibatches=2, epochs=1)
 
 def run(folder, method="commhg", scenario=SHORT, hyper=QUICK, device="cpu", team=ALONE, **options):
     """A tiny training; missions end within two updates."""
-    options = {"side_by_side": 6, "missions": 1000, "clone_updates": 1, **options}
+    options = {"side_by_side": 6, "missions": 1000, "first_updates": 1, **options}
     return Training(Plan(method, scenario, hyper=hyper, **options), folder, team=team, device=device)
 
 

@@ -28,8 +28,9 @@ TINY = 'base = "small"\nname = "tiny"\nn_tasks = 4\ntime_limit = 40\n'
 def quick():
     """A few decisions an update."""
     ensure_compiled(POLICIES.values())
+    of = lambda n_robots, is_refining, **others: replace(QUICK, entropy=0.0 if is_refining else QUICK.entropy, **others)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(ppo.Hyper, "of", lambda n_robots, **others: replace(QUICK, **others))
+        patch.setattr(ppo.Hyper, "of", of)
         patch.setitem(sys.modules, "torch.utils.tensorboard", None)
         yield
 
@@ -187,7 +188,9 @@ def test_stages_are_all_smaller_scenarios_in_order(tmp_path):
     assert [folder for _, folder in found] == [tmp_path / "small", tmp_path / "medium", tmp_path]
     inits = [str(tmp_path / name / train.WEIGHTS) for name in ("small", "medium")]
     assert [plan.init for plan, _ in found] == ["", *inits]
+    assert [plan.hyper.entropy > 0 for plan, _ in found] == [True, False, False], "weights to begin with are refined"
     small = Plan("commhg", SCENARIOS["small"], init=curriculum.SMALL_TO_LARGE)
+    assert curriculum.stages(small, tmp_path)[0][0].hyper.entropy > 0
     assert [(plan.init, folder) for plan, folder in curriculum.stages(small, tmp_path)] == [("", tmp_path)]
     assert curriculum.stages(replace(large, init="x"), tmp_path) == [(replace(large, init="x"), tmp_path)]
 

@@ -48,7 +48,7 @@ def test_a_method_has_its_parts(name):
 
 @every_method
 def test_a_method_learns_is_saved_found_and_flies(name, tmp_path):
-    training = run(tmp_path, name, clone_updates=0)
+    training = run(tmp_path, name, first_updates=0)
     before = {key: value.clone() for key, value in training.method.state_dict().items()}
     updated(training, 1).save()
     after = training.method.state_dict()
@@ -119,7 +119,7 @@ def test_a_method_uses_what_it_may_know(name):
     batch = fly(MissionBatch(LONG, range(40)), Wanderer(), 40)
     seen, decisions, rng = batch.observations, [], np.random.default_rng(0)
     torch.manual_seed(0)
-    method, other = shaken(find_method(name)(), scale=2.0), copied(seen)
+    method, other = shaken(find_method(name)(), scale=1.0), copied(seen)
     other.robot_tasks["distance"] *= rng.uniform(0, 5, other.robot_tasks.shape)
     other.operators["fatigue"] = rng.uniform(0, 1, len(other.operators))
     for observations in (seen, other):

@@ -144,11 +144,11 @@ def collected(tmp_path, method, decisions, teacher=False, **options):
 
 
 @torch.no_grad()
-def likelihoods(training, data, rows, is_cloning=False):
+def likelihoods(training, data, rows, aim="improve"):
     """Log-probabilities of robots' and of all operators' choices as an update judges them."""
     learner = training.learner
     everyone = np.arange(len(data.operator_state))
-    return learner._judge_robots(data, rows, is_cloning).log_prob, learner._judge_operators(data, everyone).log_prob
+    return learner._judge_robots(data, rows, aim).log_prob, learner._judge_operators(data, everyone).log_prob
 
 
 # 300 decisions: missions end on the way and others begin. Methods that do not read the public table never notice.
@@ -170,17 +170,23 @@ def test_cloning_makes_greedys_choices_likelier(tmp_path, method):
     training, data = collected(tmp_path, method, 150, teacher=True, hyper=dataclasses.replace(QUICK, epochs=8))
     spoilt = data._replace(robot_advantage=-data.robot_advantage * 7, operator_advantage=data.operator_advantage * 0 + 3)
     rows = np.arange(len(data.robot_state))
-    before = [likely.mean().item() for likely in likelihoods(training, data, rows, is_cloning=True)]
-    training.learner.update(spoilt, np.random.default_rng(0), is_cloning=True)
-    after = [likely.mean().item() for likely in likelihoods(training, data, rows, is_cloning=True)]
+    before = [likely.mean().item() for likely in likelihoods(training, data, rows, "clone")]
+    training.learner.update(spoilt, np.random.default_rng(0), "clone")
+    after = [likely.mean().item() for likely in likelihoods(training, data, rows, "clone")]
     assert after[0] > before[0] + 0.1 and after[1] > before[1]
+
+
+def test_bigger_teams_decide_more_and_given_weights_are_not_pulled_to_entropy():
+    small, large = Hyper.of(3, is_refining=False), Hyper.of(16, is_refining=True, lam=0.5)
+    assert small == Hyper() and small.entropy > 0
+    assert large.decisions == 2 * small.decisions and large.entropy == 0 and large.lam == 0.5
 
 
 def test_cloning_teaches_nobody_not_to_ask(tmp_path):
     """Greedy never asks; PPO is to find out when to."""
     training, data = collected(tmp_path, "commhg", 150, teacher=True)
     assert (data.robot_choices.query < 0).all()
-    training.learner.update(data, np.random.default_rng(0), is_cloning=True)
+    training.learner.update(data, np.random.default_rng(0), "clone")
     actor = training.method.robot
     assert all(part.grad is None for head in (actor.query, actor.nobody, actor.query_operator) for part in head.parameters())
     assert actor.gate[0].weight.grad is not None

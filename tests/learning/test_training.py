@@ -142,7 +142,7 @@ def test_a_teacher_decides_and_its_choices_are_kept(tmp_path):
 
 def test_one_mission_alone_trains(tmp_path):
     """Steps in which only operators are due, or nobody."""
-    updated(run(tmp_path, side_by_side=1, clone_updates=0), 3)
+    updated(run(tmp_path, side_by_side=1, first_updates=0), 3)
 
 
 @pytest.mark.filterwarnings("error")
@@ -324,12 +324,19 @@ def test_the_log_is_in_tensorboard_too(tmp_path, scalars):
 # Beginning with weights
 
 
-def test_init_begins_with_the_weights_and_clones_nobody(tmp_path):
-    first = updated(run(tmp_path / "first"), 1)
+def test_init_begins_with_the_weights_which_stay_until_the_critic_knows_the_missions(tmp_path):
+    first = updated(run(tmp_path / "first"), 2)
     first.save()
-    second = run(tmp_path / "second", seed=8, init=str(tmp_path / "first" / WEIGHTS))
-    assert all(map(torch.equal, first.method.state_dict().values(), second.method.state_dict().values()))
-    assert first.plan.clone_updates == 1 and not second.is_cloning
+    second = run(tmp_path / "second", seed=8, init=str(tmp_path / "first" / WEIGHTS), scenario=change(SHORT, n_tasks=5))
+    actors = lambda training: [*training.method.robot.parameters(), *training.method.operator.parameters()]
+    kept = lambda part, other: all(map(torch.equal, part, other))
+    assert kept(actors(second), actors(first)) and kept(second.method.critic.parameters(), first.method.critic.parameters())
+    assert second.method.scale.weight.sum() == 0, "returns of other missions say nothing of these"
+    assert first.plan.first_updates == 1 and second.aim == "value"
+    updated(second, 1)
+    assert kept(actors(second), actors(first)) and not kept(second.method.critic.parameters(), first.method.critic.parameters())
+    assert second.aim == "improve"
+    assert not kept(actors(updated(second, 1)), actors(first))
     with pytest.raises(ValueError, match=r"first.*holds commhg, not mappo"):
         run(tmp_path, "mappo", init=str(tmp_path / "first" / WEIGHTS))
     with pytest.raises(ValueError, match="nowhere"):
