@@ -11,8 +11,9 @@ from .gym import RENDER_FPS, check_render_mode, make_film
 from .spaces import table_space
 from .team import Team
 
-ROBOT_VIEW = {"self": "robots", "tasks": "robot_tasks", "peers": "robot_peers", "operators": "robot_operators"}
-OPERATOR_VIEW = {"self": "operators", "reports": "operator_reports"}  # name in the observation: the team's table
+# Name in the observation: the team's table. No "self": TorchRL's specs take names as keywords of methods.
+ROBOT_VIEW = {"own": "robots", "tasks": "robot_tasks", "peers": "robot_peers", "operators": "robot_operators"}
+OPERATOR_VIEW = {"own": "operators", "reports": "operator_reports"}
 
 
 class Role:
