@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import closing
 from functools import partial
+from numbers import Integral
 from pathlib import Path
 
 import cv2
@@ -216,6 +217,6 @@ def _check(trace, drape, out, ending, camera, size):
 def check_size(size) -> tuple:
     """The size of a picture; ValueError unless it is two even numbers of pixels."""
     values = tuple(size) if isinstance(size, Iterable) else (size,)
-    if len(values) != 2 or not all(isinstance(n, int) and SMALLEST <= n <= LARGEST and n % 2 == 0 for n in values):
+    if len(values) != 2 or not all(isinstance(n, Integral) and SMALLEST <= n <= LARGEST and n % 2 == 0 for n in values):
         raise ValueError(f"size must be two even numbers in {SMALLEST}..{LARGEST}, is {'x'.join(map(str, values))}")
-    return values
+    return tuple(map(int, values))

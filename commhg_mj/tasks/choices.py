@@ -40,31 +40,41 @@ class Choices:
         """A flat mask [..., n_numbers] as one view [..., size] a choice."""
         return tuple(mask[..., start : start + size] for start, size in zip(self.starts, self.sizes))
 
-    def whole(self, actions, n_missions: int) -> np.ndarray:
-        """Actions of so many missions as whole numbers [n_missions, 3 R + H] i8, not yet known to exist.
+    def whole(self, actions, missions: tuple) -> np.ndarray:
+        """Actions as whole numbers [E, 3 R + H] i8, not yet known to exist.
+
+        Args:
+          actions: [*missions, 3 R + H].
+          missions: (E,), or () of one alone.
 
         Raises:
           ValueError: of another shape, or no whole numbers; the message names the choice.
         """
-        shape = (n_missions, len(self.sizes))
-        try:
-            values = np.asarray(actions)
-        except ValueError:
-            values = np.empty(0, object)  # ragged
+        values, shape = as_array(actions), (*missions, len(self.sizes))
         if values.shape != shape or values.dtype.kind not in "iuf":
-            wanted, found = (shape, values.shape) if n_missions > 1 else (shape[1:], values.shape[1:])
-            raise ValueError(f"action must be whole numbers of shape {wanted}, is {values.dtype} of shape {found}")
+            raise ValueError(f"action must be whole numbers of shape {shape}, is {values.dtype} of shape {values.shape}")
+        values = values.reshape(-1, len(self.sizes))
         if values.dtype.kind == "f":
-            wrong = ~(np.abs(values) < LARGEST)
-            wrong |= np.where(wrong, 0.0, values) % 1 != 0
+            numbers = values.astype(float)  # LARGEST is no float16
+            wrong = ~(np.abs(numbers) < LARGEST)
+            wrong |= np.where(wrong, 0.0, numbers) % 1 != 0
             if wrong.any():
                 e, k = np.argwhere(wrong)[0]
                 raise ValueError(f"action: {self.names[k]} must be a whole number, is {values[e, k]}")
-        return values.astype(np.int64, copy=False)
+        return values.astype(np.int64, order="C")  # always a copy: kernels compile anew for read-only or strided arrays
 
     def explain(self, actions, e: int, k: int) -> str:
-        """What is wrong with choice k of mission e."""
-        return f"action: {self.names[k]} must lie in 0..{self.sizes[k] - 1}, is {actions[e, k]}"
+        """What is wrong with choice k of mission e in the actions that `whole` took: the caller's, as i8 holds no large u8."""
+        value = int(np.reshape(actions, (-1, len(self.sizes)))[e, k])
+        return f"action: {self.names[k]} must lie in 0..{self.sizes[k] - 1}, is {value}"
+
+
+def as_array(action) -> np.ndarray:
+    """An array of an action, empty if it is ragged."""
+    try:
+        return np.asarray(action)
+    except ValueError:
+        return np.empty(0, object)
 
 
 @kernel

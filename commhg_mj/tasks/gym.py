@@ -47,16 +47,20 @@ class MissionEnv(gymnasium.Env):
 
     def step(self, action):
         """Decide, and advance to the next decision epoch."""
-        self.team.step([action])
+        self.team.step(action, alone=True)
         return self._observe(), float(self.team.rewards[0]), bool(self.team.over[0]), False, self._inform()
 
     def action_masks(self) -> np.ndarray:
-        """All choices' masks in one [n] bool, as MaskablePPO of sb3-contrib asks for them."""
+        """All choices' masks in one [n] bool, as MaskablePPO of sb3-contrib asks for them. ResetNeeded before the first reset."""
+        self.team.check_begun()
         return self.team.mask[0].astype(bool)
 
     def render(self):
-        """The mission as it stands [height, width, 3] u1; None without a render mode."""
-        return self._film.picture(self.team.batch) if self._film else None
+        """The mission as it stands [height, width, 3] u1; None without a render mode. ResetNeeded before the first reset."""
+        if self._film is None:
+            return None
+        self.team.check_begun()
+        return self._film.picture(self.team.batch)
 
     def close(self):
         if self._film:

@@ -6,13 +6,14 @@ from gymnasium.utils import seeding
 from pettingzoo import ParallelEnv
 
 from ..terms import Activity
-from .choices import PER_ROBOT
+from .choices import PER_ROBOT, as_array
 from .gym import RENDER_FPS, check_render_mode, make_film
 from .spaces import table_space
 from .team import Team
 
-ROBOT_VIEW = {"self": "robots", "tasks": "robot_tasks", "peers": "robot_peers", "operators": "robot_operators"}
-OPERATOR_VIEW = {"self": "operators", "reports": "operator_reports"}  # name in the observation: the team's table
+# Name in the observation: the team's table. No "self": TorchRL's specs take names as keywords of methods.
+ROBOT_VIEW = {"own": "robots", "tasks": "robot_tasks", "peers": "robot_peers", "operators": "robot_operators"}
+OPERATOR_VIEW = {"own": "operators", "reports": "operator_reports"}
 
 
 class Role:
@@ -98,7 +99,7 @@ class MissionParallelEnv(ParallelEnv):
         Raises:
           ValueError: an action that does not exist, or of an unknown agent; nothing has changed then.
         """
-        self.team.step(self._join(actions)[None])
+        self.team.step(self._join(actions), alone=True)
         observations = self._observe()
         infos = self._inform(observations)
         reward, over = float(self.team.rewards[0]), bool(self.team.over[0])
@@ -110,8 +111,11 @@ class MissionParallelEnv(ParallelEnv):
         return observations, rewards, terminations, truncations, infos
 
     def render(self):
-        """The mission as it stands [height, width, 3] u1; None without a render mode."""
-        return self._film.picture(self.team.batch) if self._film else None
+        """The mission as it stands [height, width, 3] u1; None without a render mode. ResetNeeded before the first reset."""
+        if self._film is None:
+            return None
+        self.team.check_begun()
+        return self._film.picture(self.team.batch)
 
     def close(self):
         if self._film:
@@ -126,7 +130,7 @@ class MissionParallelEnv(ParallelEnv):
                 raise ValueError(f"unknown agent {agent!r}: use {', '.join(self.possible_agents)}")
             if agent in present:
                 own = self._roles[agent].choices
-                values = np.asarray(action)
+                values = as_array(action)
                 if values.size != own.stop - own.start or values.ndim > 1 or values.dtype.kind not in "iuf":
                     raise ValueError(f"action of {agent} must fit {self.action_space(agent)}, is {action!r}")
                 joint[own] = values

@@ -78,7 +78,7 @@ class Surveillance(control.Task):
 
     def before_step(self, action, physics):
         """Decide and advance."""
-        self.team.step([action])
+        self.team.step(action, alone=True)
 
     def after_step(self, physics):
         """Put the bodies where the robots are."""

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from numbers import Integral
 
 import numpy as np
+from gymnasium.error import ResetNeeded
 
 from ..kernels import kernel
 from ..mission.batch import MissionBatch, check_seed
@@ -73,27 +74,33 @@ class Team:
         self.rewards = np.zeros(n)
         self._show()
 
-    def step(self, actions, draw_next=None) -> None:
+    def check_begun(self) -> None:
+        """ResetNeeded, Gymnasium's error, unless missions have begun."""
+        if self.batch is None:
+            raise ResetNeeded("there is no mission yet: call reset first")
+
+    def step(self, actions, draw_next=None, alone=False) -> None:
         """Decide for all who are due and advance; afterwards the attributes hold what follows from it.
 
         Args:
           actions: [E, 3 R + H] whole numbers (tasks/choices.py); masked ones count as staying.
           draw_next: mission e that is over begins anew with the seed draw_next(e), and is seen at its t = 0.
+          alone: actions are [3 R + H], of the only mission.
 
         Raises:
           ValueError: an action that does not exist; nothing has changed then.
+          ResetNeeded: no mission has begun.
         """
-        if self.batch is None:
-            raise ValueError("there is no mission yet: reset first")
+        self.check_begun()
         batch, before, choices = self.batch, self.time, self.choices
         seen, over = batch.observations, batch.over
-        actions = choices.whole(actions, len(over))
+        numbers = choices.whole(actions, () if alone else over.shape)
         n, k = len(seen.robots), len(seen.operators)
         decisions = Decisions(
             np.empty(n, np.int32), np.empty(n, bool), np.empty(n, np.int32), np.empty(n, bool), np.empty(k, np.int32)
         )
         n_robots, replaced = self.scenario.n_robots, np.zeros(len(over), np.int64)
-        wrong = read_actions(seen, actions, self.mask, choices.starts, choices.sizes, n_robots, decisions, replaced)
+        wrong = read_actions(seen, numbers, self.mask, choices.starts, choices.sizes, n_robots, decisions, replaced)
         if wrong[0] >= 0:
             raise ValueError(choices.explain(actions, *wrong))
         replaced[over] = 0

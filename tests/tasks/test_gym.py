@@ -46,10 +46,11 @@ def test_gymnasium_makes_it(scenario):
         env.close()
 
 
-def test_gymnasiums_checker_of_an_environment_that_renders():
+@every_scenario
+def test_gymnasiums_checker_of_an_environment_that_renders(scenario):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        env = gymnasium.make(ID.format("small"), **SMALL_PICTURE)
+        env = gymnasium.make(ID.format(scenario), **SMALL_PICTURE)
         check_env(env.unwrapped, skip_render_check=False)
         env.close()
 

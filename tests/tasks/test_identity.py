@@ -93,7 +93,7 @@ class PettingZoo(Gymnasium):
                 own = self.seen[agent]["observation"]
                 row = i if "peers" in own else i - self.team.scenario.n_robots
                 names = {"tasks": "robot_tasks", "peers": "robot_peers", "operators": "robot_operators"}
-                names |= {"reports": "operator_reports", "self": "robots" if "peers" in own else "operators"}
+                names |= {"reports": "operator_reports", "own": "robots" if "peers" in own else "operators"}
                 for part, table in own.items():
                     tables[names[part]][row] = table
         return tables
