@@ -210,7 +210,7 @@ def test_bench_prints_rates(run, tiny_scales, monkeypatch):
 
 
 def test_bench_times_training(run, tiny_scales, monkeypatch):
-    monkeypatch.setattr(ppo.Hyper, "of", lambda n_robots: ppo.Hyper(decisions=60, minibatches=1, epochs=1))
+    monkeypatch.setattr(ppo.Hyper, "of", lambda n_robots, is_refining: ppo.Hyper(decisions=60, minibatches=1, epochs=1))
     code, out, _ = run("bench", "--scenario", "small", "--train")
     assert code == 0 and "training" in out and "decisions/CPU-s" in out and "GiB" in out and "ticks" not in out
 

@@ -40,10 +40,10 @@ class Hyper:
     def of(cls, n_robots: int, is_refining: bool, **others) -> "Hyper":
         """For a team: it shares one reward, so the more decide, the noisier each one's share of an update is.
 
-        Weights to begin with have explored already; in that noise a pull to entropy would undo them.
+        Weights to begin with are refined: in that noise large steps and a pull to entropy would undo them.
         """
-        entropy = 0.0 if is_refining else cls.entropy
-        return cls(decisions=max(cls.decisions, 1024 * n_robots), entropy=entropy, **others)
+        refining = {"learning_rate": 1e-4, "entropy": 0.0} if is_refining else {}
+        return cls(decisions=min(16_384, max(cls.decisions, 2048 * n_robots)), **refining, **others)
 
 
 def check_device(device: str) -> None:
