@@ -21,7 +21,7 @@ from commhg_mj.learning import ppo
 from commhg_mj.policies import ensure_compiled
 from commhg_mj.render import film
 from commhg_mj.scenarios import describe
-from commhg_mj.study import bench, charts, coverage, fly
+from commhg_mj.study import bench, charts, coverage, fly, interfaces
 from commhg_mj.study.compare import clip, plan
 from commhg_mj.terms import Fate, Kind
 
@@ -200,11 +200,14 @@ def tiny_scales(tiny, monkeypatch):
 
 
 def test_bench_prints_rates(run, tiny_scales, monkeypatch):
+    few = {"n_missions": 2, "repeats": 1}
     monkeypatch.setattr(bench, "SCALING", ((2, 3),))
     monkeypatch.setattr(bench, "link_costs", partial(bench.link_costs, n_links=100, repeats=1))
+    monkeypatch.setattr(bench, "missions_rates", partial(bench.missions_rates, **few))
+    monkeypatch.setattr(interfaces, "interface_rates", partial(interfaces.interface_rates, steps=5, **few))
     code, out, _ = run("bench", "--scenario", "small")
     assert code == 0
-    rates = ["64 missions, abstract links", "64 missions, ray-cast links", "ray-cast over abstract", "one mission alone"]
+    rates = ["2 missions, abstract links", "2 missions, ray-cast links", "ray-cast over abstract", "one mission alone"]
     for word in [*rates, "worlds", "one link, 16x obstacles", "CPU-us", "2 robots x 3 tasks", "ticks/CPU-s", "epochs/CPU-s"]:
         assert word in out
 
