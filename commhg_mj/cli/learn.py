@@ -9,6 +9,7 @@ from typing import Literal
 import tyro
 
 from ..mission.batch import check_seed
+from ..policies import POLICIES, ensure_compiled
 from ..radio import find_link_model
 from ..scenarios import load_scenario
 from .console import LOG, OUT, Limitation, at_least, make_folder, progress, say
@@ -47,15 +48,15 @@ class Train:
     limitation: Limitation = "nominal"
     """of communication"""
     resume: bool = False
-    """go on with the run in --out; its own options count"""
+    """go on with the run in --out; its own options count, but for --minutes, --device and --tensorboard"""
     tensorboard: bool = False
     """insist on TensorBoard's scalars, which go into --out whenever that package is installed"""
 
     def __call__(self):
+        from ..learning.crew import crew_of
         from ..learning.curriculum import follow, read_plan, trainings
         from ..learning.log import find_writer
         from ..learning.ppo import check_device
-        from ..learning.team import team_of
 
         if self.minutes is not None and not self.minutes > 0:
             raise ValueError(f"--minutes must be more than 0, is {self.minutes}")
@@ -64,17 +65,20 @@ class Train:
         check_device(self.device)
         plan = read_plan(self.out) if self.resume else self._begin()
         seconds = float("inf") if self.minutes is None else 60.0 * self.minutes
+        if plan.workers > 1:
+            ensure_compiled(POLICIES.values())  # once, not in every process
         try:
-            with team_of(plan.workers, follow, plan, self.out, seconds, self.device) as team:
-                for training in trainings(plan, self.out, team, self.device):
+            with crew_of(plan.workers, follow, plan, self.out, seconds, self.device) as crew:
+                for training in trainings(plan, self.out, crew, self.device):
                     self._run(training, seconds)
         except KeyboardInterrupt:
             again = f"commhg-mj train --resume --out {shlex.quote(str(self.out))}"
+            again += f" --device {self.device}" if self.device != "cpu" else ""
             raise KeyboardInterrupt(f"interrupted; to go on from the last whole update: {again}") from None
 
     def _begin(self):
         """The plan of a new run, whose folder is made once everything else is known to be right."""
-        from ..learning.curriculum import PLAN, SMALL_TO_LARGE, write_plan
+        from ..learning.curriculum import PLAN, SMALL_TO_LARGE, smaller, write_plan
         from ..learning.ppo import Hyper
         from ..learning.registry import find_method
         from ..learning.train import STATE, Plan, begin_with
@@ -89,12 +93,13 @@ class Train:
         at_least("side-by-side", self.side_by_side, self.workers)
         if not 0 <= self.lam <= 1:
             raise ValueError(f"--lam must be from 0 to 1, is {self.lam}")
-        if self.init and self.init != SMALL_TO_LARGE:
-            begin_with(method, self.init)
+        init = "" if self.init == SMALL_TO_LARGE and not smaller(scenario) else self.init
+        if init not in ("", SMALL_TO_LARGE):
+            begin_with(method, init)
         plan = Plan(
             self.method, scenario, self.seed, self.links, self.limitation, self.missions,
-            self.side_by_side, self.workers, init=self.init,
-            hyper=Hyper.of(scenario.n_robots, bool(self.init), lam=self.lam, trace=self.trace),
+            self.side_by_side, self.workers, init=init,
+            hyper=Hyper.of(scenario.n_robots, bool(init), lam=self.lam, trace=self.trace),
         )  # fmt: skip
         make_folder(self.out)
         write_plan(plan, self.out)

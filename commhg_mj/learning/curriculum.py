@@ -5,14 +5,19 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from ..files import whole_file
-from ..scenarios import SCENARIOS
+from ..scenarios import SCENARIOS, Scenario
+from .crew import ALONE, Crew
 from .ppo import Hyper
-from .team import ALONE, Team
 from .train import STATE, WEIGHTS, Plan, Training, plan_from_json, plan_to_json
 
 SMALL_TO_LARGE = "small-to-large"
 MISSIONS = {"small": 5000, "medium": 1300}  # of the stages before
 PLAN = "plan.json"
+
+
+def smaller(scenario: Scenario) -> list[str]:
+    """Scenarios to learn on before this one."""
+    return [name for name in MISSIONS if SCENARIOS[name].n_robots < scenario.n_robots]
 
 
 def stages(plan: Plan, folder) -> list[tuple[Plan, Path]]:
@@ -21,34 +26,31 @@ def stages(plan: Plan, folder) -> list[tuple[Plan, Path]]:
     if plan.init != SMALL_TO_LARGE:
         return [(plan, folder)]
     found, init = [], ""
-    for name, missions in MISSIONS.items():
-        if SCENARIOS[name].n_robots < plan.scenario.n_robots:
-            found.append((_stage(plan, SCENARIOS[name], missions, init), folder / name))
-            init = str(folder / name / WEIGHTS)
-    return [*found, (_stage(plan, plan.scenario, plan.missions, init), folder)]
+    for name in smaller(plan.scenario):
+        hyper = Hyper.of(SCENARIOS[name].n_robots, bool(init), lam=plan.hyper.lam, trace=plan.hyper.trace)
+        stage = dataclasses.replace(plan, scenario=SCENARIOS[name], missions=MISSIONS[name], init=init, hyper=hyper)
+        found.append((stage, folder / name))
+        init = str(folder / name / WEIGHTS)
+    return [*found, (dataclasses.replace(plan, init=init), folder)]
 
 
-def _stage(plan, scenario, missions, init):
-    hyper = Hyper.of(scenario.n_robots, bool(init), lam=plan.hyper.lam, trace=plan.hyper.trace)
-    return dataclasses.replace(plan, scenario=scenario, missions=missions, init=init, hyper=hyper)
-
-
-def trainings(plan: Plan, folder, team: Team = ALONE, device: str = "cpu") -> Iterator[Training]:
+def trainings(plan: Plan, folder, crew: Crew = ALONE, device: str = "cpu") -> Iterator[Training]:
     """Each stage's training, where it stands; the next one follows once its caller has brought it to its end."""
     for stage, at in stages(plan, folder):
-        if team.least((at / STATE).exists()):
-            training = Training.resume(at, team, device)
+        # All have looked before the first one writes, and nobody reads the stage before until it is written.
+        if crew.least((at / STATE).exists()):
+            training = Training.resume(at, crew, device)
         else:
-            training = Training(stage, at, team=team, device=device)
+            training = Training(stage, at, crew=crew, device=device)
             training.save()  # something to resume from, from the first moment on
         yield training
         if not training.is_done:
             return
 
 
-def follow(team: Team, plan: Plan, folder, cpu_seconds: float, device: str) -> None:
+def follow(crew: Crew, plan: Plan, folder, cpu_seconds: float, device: str) -> None:
     """A worker's part of a run: the same steps as the first process, in silence."""
-    for training in trainings(plan, folder, team, device):
+    for training in trainings(plan, folder, crew, device):
         for _ in training.run(cpu_seconds):
             pass
 
@@ -71,4 +73,4 @@ def read_plan(folder) -> Plan:
     except FileNotFoundError:
         raise ValueError(f"{path}: there is no run to resume") from None
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise ValueError(f"{path} is damaged or no plan ({type(error).__name__})") from None
+        raise ValueError(f"{path} is damaged, or no plan of this version ({type(error).__name__})") from None

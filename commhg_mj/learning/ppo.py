@@ -9,11 +9,11 @@ import torch
 from torch import nn
 
 from .batches import legal_picks, operator_batch, pick_robots, robot_batch
+from .crew import ALONE, Crew
 from .critic import Agents
 from .heads import RobotChoices, judge_operators, judge_robots, tensors_of
 from .rollout import Experience
 from .states import States
-from .team import ALONE, Team
 
 # What an update is for: to imitate the choices remembered, to learn their values alone, or to choose better than they did.
 Aim = Literal["clone", "value", "improve"]
@@ -61,11 +61,12 @@ class Learner:
 
     Args:
       method: on the CPU, where it flies; it gets what was learned after every update.
-      team: the processes whose gradients make one step. device: where this one computes its own.
+      crew: the processes whose gradients make one step. device: where this one computes its own.
     """
 
-    def __init__(self, method, hyper: Hyper, team: Team = ALONE, device: str = "cpu"):
-        self.flown, self.hyper, self.team, self.device = method, hyper, team, torch.device(device)
+    def __init__(self, method, hyper: Hyper, crew: Crew = ALONE, device: str = "cpu"):
+        check_device(device)
+        self.flown, self.hyper, self.crew, self.device = method, hyper, crew, torch.device(device)
         self.method = method if self.device.type == "cpu" else deepcopy(method).to(self.device)
         self.optimizer = torch.optim.Adam(self.method.parameters(), lr=hyper.learning_rate, eps=1e-5)
 
@@ -79,7 +80,7 @@ class Learner:
         scale = self.method.scale
         for role, returns in enumerate((data.robot_return, data.operator_return)):
             scale.update(role, self._tensor(returns).float())
-        self.team.average(list(scale.buffers()))
+        self.crew.average(list(scale.buffers()))
         stats = list(self._steps(data, rng, aim))
         if self.method is not self.flown:
             self.flown.load_state_dict(self.method.state_dict())
@@ -91,7 +92,7 @@ class Learner:
         old = [self._tensor(log_prob) for log_prob in (data.robot_log_prob, data.operator_log_prob)]
         # Nobody decides in some states; a minibatch of nobody teaches nothing.
         alive = np.union1d(data.robot_state, data.operator_state)
-        minibatches = self.team.least(min(hyper.minibatches, len(alive)))
+        minibatches = self.crew.least(min(hyper.minibatches, len(alive)))
         for _ in range(hyper.epochs):
             for states in np.array_split(rng.permutation(alive), minibatches):
                 stats = self._step(data, np.sort(states), advantages, old, aim)
@@ -131,18 +132,23 @@ class Learner:
         self.optimizer.zero_grad()
         loss.backward()
         stats = torch.stack([part.detach().cpu() for part in (policy_loss, value_loss, entropy, _mean(kls))])
-        self.team.average([*self._gradients(), stats])
+        self._share_gradients(stats)
         norm = nn.utils.clip_grad_norm_(method.parameters(), hyper.max_grad)
         self.optimizer.step()
         return dict(zip(("policy_loss", "value_loss", "entropy", "kl"), stats.tolist())) | {"grad_norm": norm.item()}
 
-    def _gradients(self):
-        """All of them: what this process had no use for, another may have."""
-        if self.team.size > 1:
-            for parameter in self.method.parameters():
-                if parameter.grad is None:
-                    parameter.grad = torch.zeros_like(parameter)
-        return [parameter.grad for parameter in self.method.parameters() if parameter.grad is not None]
+    def _share_gradients(self, stats):
+        """The crew's mean of gradients and statistics; what one process had no use for, another may have."""
+        if self.crew.size == 1:
+            return
+        parameters = list(self.method.parameters())
+        for parameter in parameters:
+            if parameter.grad is None:
+                parameter.grad = torch.zeros_like(parameter)
+        self.crew.average([*(parameter.grad for parameter in parameters), stats])
+        for parameter in parameters:
+            if not parameter.grad.any():  # to Adam a gradient of zero is not the same as none
+                parameter.grad = None
 
     def _value_loss(self, data, states, robots, operators):
         method = self.method

@@ -14,12 +14,12 @@ import torch
 from ..files import whole_file
 from ..policies import POLICIES
 from ..scenarios import Scenario, from_json, to_json
+from .crew import ALONE, Crew, WorkerEnded
 from .critic import ReturnScale
 from .log import Log
-from .ppo import Aim, Hyper, Learner
+from .ppo import Aim, Hyper, Learner, check_device
 from .registry import find_method
 from .rollout import Collector
-from .team import ALONE, Team
 from .validation import Validation
 from .weights import load_weights, save_weights
 
@@ -46,6 +46,10 @@ class Plan:
     init: str = ""  # weights to begin with
     hyper: Hyper = Hyper()
 
+    def __post_init__(self):
+        if not (isinstance(self.workers, int) and 1 <= self.workers <= self.side_by_side):
+            raise ValueError(f"workers must be a whole number from 1 to side_by_side ({self.side_by_side}), is {self.workers!r}")
+
 
 class Training:
     """One run of a plan.
@@ -56,14 +60,14 @@ class Training:
 
     Args:
       state: where the run stood, for `resume`; None: at its beginning.
-      team: of `plan.workers` processes, each with a Training of its own.
+      crew: of `plan.workers` processes, each with a Training of its own.
       device: where the networks learn; missions are flown on the CPU.
     """
 
-    def __init__(self, plan: Plan, folder, state: dict | None = None, team: Team = ALONE, device: str = "cpu"):
+    def __init__(self, plan: Plan, folder, state: dict | None = None, crew: Crew = ALONE, device: str = "cpu"):
         torch.set_num_threads(1)
-        self.plan, self.folder, self.team = plan, Path(folder), team
-        self.rng = np.random.default_rng([plan.seed, team.rank])
+        self.plan, self.folder, self.crew = plan, Path(folder), crew
+        self.rng = np.random.default_rng([plan.seed, crew.rank])
         torch.manual_seed(plan.seed)
         self.method = find_method(plan.method)()
         self.cpu_before = 0.0  # that the weights to begin with had cost
@@ -71,19 +75,19 @@ class Training:
             self.method.load_state_dict(state["method"])
         elif plan.init:
             self.cpu_before = begin_with(self.method, plan.init)
-        self.learner = Learner(self.method, plan.hyper, team, device)
-        first = (1 + plan.seed) * TRAINING_SEEDS + team.rank * (TRAINING_SEEDS // team.size)
+        self.learner = Learner(self.method, plan.hyper, crew, device)
+        first = (1 + plan.seed) * TRAINING_SEEDS + crew.rank * (TRAINING_SEEDS // crew.size)
         self.collector = Collector(
-            self.method, plan.scenario, first, team.share(plan.side_by_side), plan.links, plan.limitation, self.rng
+            self.method, plan.scenario, first, crew.share(plan.side_by_side), plan.links, plan.limitation, self.rng
         )  # fmt: skip
-        self.updates, self.missions, self.decisions, self.cpu_seconds = 0, 0, 0, 0.0  # of the whole team
+        self.updates, self.missions, self.decisions, self.cpu_seconds = 0, 0, 0, 0.0  # of the whole crew
         self.validation, self.written = Validation(plan.scenario, plan.links, plan.limitation), None
         if state is not None:
             self._go_on_from(state)
 
     def _go_on_from(self, state):
         self.learner.optimizer.load_state_dict(state["optimizer"])
-        mine = state["workers"][self.team.rank]
+        mine = state["workers"][self.crew.rank]
         self.collector.load_state_dict(mine["collector"])
         self.rng.bit_generator.state = mine["rng"]
         self.updates, self.missions, self.decisions, self.cpu_seconds, self.cpu_before = state["counts"]
@@ -102,7 +106,7 @@ class Training:
         """What happened in each update until the run is done, or has cost so much; all that is told is saved."""
         while not self.is_done and self.cpu_seconds + self.cpu_before < cpu_seconds:
             row = self.update()
-            if self.team.is_first:
+            if self.crew.is_first:
                 self.log(row)
             self.save()
             yield row
@@ -117,28 +121,28 @@ class Training:
         teacher = POLICIES["greedy"].make(collector.batch) if aim == "clone" else None
         self.learner.set_rate(1.0 - self.missions / self.plan.missions)
         data = collector.collect(
-            self.team.share(hyper.decisions), self.method.critic, self.method.scale, hyper.gamma, hyper.lam, hyper.trace, teacher
+            self.crew.share(hyper.decisions), self.method.critic, self.method.scale, hyper.gamma, hyper.lam, hyper.trace, teacher
         )  # fmt: skip
         stats = self.learner.update(data, self.rng, aim)
         wrong = ", ".join(f"{name} is {value}" for name, value in stats.items() if not np.isfinite(value))
         if wrong:
             before = f"{self.folder} keeps what was saved before it, to resume or to analyse"
             raise FloatingPointError(f"update {self.updates + 1}: {wrong}: the training has diverged; {before}")
-        recent = collector.scores[-RECENT:]
-        missions, twcr, n_recent, decisions, seconds = self.team.total(
+        recent = collector.scores[-self.crew.share(RECENT) :]
+        missions, twcr, n_recent, decisions, seconds = self.crew.total(
             len(collector.scores), sum(recent), len(recent), len(data.robot_state), time.process_time() - start
         )  # fmt: skip
         self.updates, self.missions, self.decisions = self.updates + 1, int(missions), self.decisions + int(decisions)
         self.cpu_seconds += seconds
         facts = {"update": self.updates, "missions": self.missions, "decisions": self.decisions, "cpu_seconds": self.cpu_seconds}
         facts |= {"rate": decisions / seconds, "twcr": twcr / n_recent if n_recent else float("nan")}
-        is_time = self.team.is_first and (self.updates % VALIDATE_EVERY == 0 or self.is_done)
+        is_time = self.crew.is_first and (self.updates % VALIDATE_EVERY == 0 or self.is_done)
         return facts | {"validation": self.validation.score(self.method) if is_time else float("nan")} | stats
 
     def save(self) -> None:
-        """Write the run's weights, then its state, and nothing half; the state is what counts. The whole team calls it."""
-        workers = self.team.gather({"collector": self.collector.state_dict(), "rng": self.rng.bit_generator.state})
-        if not self.team.is_first:
+        """Write the run's weights, then its state, and nothing half; the state is what counts. The whole crew calls it."""
+        workers = self.crew.gather({"collector": self.collector.state_dict(), "rng": self.rng.bit_generator.state})
+        if not self.crew.is_first:
             return
         self.folder.mkdir(parents=True, exist_ok=True)
         save_weights(self.method, self.folder / WEIGHTS, self.facts())
@@ -162,12 +166,13 @@ class Training:
         self.written.write(row)
 
     @classmethod
-    def resume(cls, folder, team: Team = ALONE, device: str = "cpu") -> "Training":
+    def resume(cls, folder, crew: Crew = ALONE, device: str = "cpu") -> "Training":
         """The run in a folder, where it stood.
 
         Raises:
-          ValueError: there is none, or it is damaged or foreign, or another team's; the message names it.
+          ValueError: there is none, or it is damaged or foreign, or another crew's; the message names it.
         """
+        check_device(device)
         path = Path(folder) / STATE
         with _naming(path):
             state = dict(torch.load(path, map_location="cpu", weights_only=True))
@@ -175,10 +180,10 @@ class Training:
             plan = plan_from_json(state["plan"]) if is_ours else None
         if not is_ours:
             raise ValueError(f"{path} is of another format: {state['format']}")
-        if plan.workers != team.size:
-            raise ValueError(f"{path} is a run of {plan.workers} workers, not {team.size}: see learning.team.team_of")
+        if plan.workers != crew.size:
+            raise ValueError(f"{path} is a run of {plan.workers} workers, not {crew.size}: see learning.crew.crew_of")
         with _naming(path):
-            return cls(plan, folder, state, team, device)
+            return cls(plan, folder, state, crew, device)
 
 
 @contextmanager
@@ -187,6 +192,8 @@ def _naming(path):
         yield
     except FileNotFoundError:
         raise ValueError(f"{path}: there is no run to resume") from None
+    except (WorkerEnded, MemoryError, torch.OutOfMemoryError):
+        raise
     except Exception as error:  # files are damaged in more ways than torch, JSON and our own rules have errors for
         raise ValueError(f"{path} is damaged or no training ({type(error).__name__})") from error
 

@@ -6,6 +6,7 @@ import numpy as np
 import torch
 from strategies import change
 
+from commhg_mj.learning.crew import ALONE
 from commhg_mj.learning.graphs import (
     N_OPERATOR,
     N_PEER,
@@ -21,7 +22,6 @@ from commhg_mj.learning.ppo import Hyper
 from commhg_mj.learning.registry import METHODS, find_method
 from commhg_mj.learning.rollout import Experience
 from commhg_mj.learning.states import N_GLOBAL, N_STATE_OPERATOR, N_STATE_ROBOT, N_STATE_TASK, States
-from commhg_mj.learning.team import ALONE
 from commhg_mj.learning.train import Plan, Training
 from commhg_mj.scenarios import SCENARIOS
 
@@ -32,10 +32,10 @@ SHORT = change(SCENARIOS["small"], time_limit=40, n_tasks=10, forest_share=0.0, 
 QUICK = Hyper(decisions=160, minibatches=2, epochs=1)
 
 
-def run(folder, method="commhg", scenario=SHORT, hyper=QUICK, device="cpu", team=ALONE, **options):
+def run(folder, method="commhg", scenario=SHORT, hyper=QUICK, device="cpu", crew=ALONE, **options):
     """A tiny training; missions end within two updates."""
     options = {"side_by_side": 6, "missions": 1000, "first_updates": 1, **options}
-    return Training(Plan(method, scenario, hyper=hyper, **options), folder, team=team, device=device)
+    return Training(Plan(method, scenario, hyper=hyper, **options), folder, crew=crew, device=device)
 
 
 def updated(training, n):

@@ -402,6 +402,18 @@ def test_a_damaged_or_foreign_state_is_refused_by_name(saved, tmp_path, damage):
     assert ("another format" in str(caught.value)) == (damage == "another format")
 
 
+@pytest.mark.parametrize("workers", [0, 33, "2", 1.5])
+def test_a_plan_has_as_many_workers_as_missions_at_most(workers):
+    with pytest.raises(ValueError, match=r"workers must be .* from 1 to side_by_side \(32\)"):
+        Plan("mappo", SHORT, workers=workers)
+
+
+def test_a_device_that_is_missing_is_no_damage(saved, monkeypatch):
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
+    with pytest.raises(ValueError, match="device: torch finds no CUDA"):
+        Training.resume(saved, device="cuda")
+
+
 def test_a_run_of_several_workers_is_not_resumed_by_one(tmp_path):
     training = run(tmp_path)
     training.plan = dataclasses.replace(training.plan, workers=2)

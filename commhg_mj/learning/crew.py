@@ -4,9 +4,10 @@ import os
 import signal
 import sys
 import tempfile
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from multiprocessing import get_context
+from multiprocessing import get_context, resource_tracker
 from pathlib import Path
 
 import torch
@@ -14,15 +15,15 @@ from torch import Tensor, distributed
 from torch.distributed import ReduceOp
 
 
-class TeamEnded(RuntimeError):
-    """Another process of the team has ended before its time."""
+class WorkerEnded(RuntimeError):
+    """Another process of the crew has ended before its time."""
 
 
-class Team:
+class Crew:
     """One process's place among `size`; all of them call the same methods in the same order.
 
     Raises:
-      TeamEnded: by every method that waits for the others.
+      WorkerEnded: by every method that waits for the others.
     """
 
     def __init__(self, rank: int = 0, size: int = 1):
@@ -39,18 +40,18 @@ class Team:
 
     @torch.no_grad()
     def average(self, tensors: list[Tensor]) -> None:
-        """Put the team's mean into every tensor: the same bits in all processes."""
+        """Put the crew's mean into every tensor: the same bits in all processes."""
         if self.size > 1:
             flat = self._reduce(torch.cat([tensor.flatten().cpu() for tensor in tensors]), ReduceOp.SUM) / self.size
             for tensor, mean in zip(tensors, flat.split([tensor.numel() for tensor in tensors])):
                 tensor.copy_(mean.view_as(tensor))
 
     def total(self, *numbers: float) -> list[float]:
-        """Sums over the team."""
+        """Sums over the crew."""
         return self._reduce(torch.tensor(numbers, dtype=torch.float64), ReduceOp.SUM).tolist()
 
     def least(self, number: int) -> int:
-        """The team's smallest."""
+        """The crew's smallest."""
         return int(self._reduce(torch.tensor(int(number)), ReduceOp.MIN))
 
     def gather(self, thing) -> list:
@@ -69,51 +70,71 @@ class Team:
         return tensor
 
 
-ALONE = Team()
-ENDED = "another process of this training has ended; the run goes on from its last whole update with --resume"
+ALONE = Crew()
+ENDED = "another process of this training has ended; --resume goes on from the last whole update"
 
 
 @contextmanager
-def team_of(size: int, work: Callable, *arguments) -> Iterator[Team]:
-    """This process as the first of `size`; the others call `work(team, *arguments)` meanwhile and end with it."""
+def crew_of(size: int, work: Callable, *arguments) -> Iterator[Crew]:
+    """This process as the first of `size`; the others call `work(crew, *arguments)` meanwhile and end with it."""
     if size == 1:
         yield ALONE
         return
     with tempfile.TemporaryDirectory() as folder:
-        meeting, context = Path(folder) / "meeting", get_context("spawn")
+        folder, context = Path(folder), get_context("spawn")
         others = [
-            context.Process(target=_join, args=(meeting, rank, size, work, arguments), daemon=True) for rank in range(1, size)
+            context.Process(target=_join, args=(folder, rank, size, work, arguments), daemon=True) for rank in range(1, size)
         ]
-        for other in others:
-            other.start()
         try:
-            with _meet(meeting, 0, size) as team:
-                yield team
+            _start(others, folder)
+            with _meet(folder, 0, size) as crew:
+                yield crew
                 for other in others:
                     other.join()
             if any(other.exitcode for other in others):
-                raise TeamEnded(ENDED)
+                raise WorkerEnded(ENDED)
         finally:
             for other in others:
-                other.terminate()
+                if other.pid:
+                    other.terminate()
+                    other.join()
+
+
+def _start(others, folder):
+    """Start processes and wait until all stand at the door: the meeting itself can be neither interrupted nor given up."""
+    resource_tracker.ensure_running()  # started by the first of them, it would lift the block
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # they inherit it: an interrupt is this process's to handle
+    try:
+        for other in others:
+            other.start()
+    finally:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+    while not all(_door(folder, rank).exists() for rank in range(1, len(others) + 1)):
+        if any(other.exitcode is not None for other in others):
+            raise WorkerEnded(ENDED)
+        time.sleep(0.05)
+
+
+def _door(folder, rank):
+    return folder / f"here-{rank}"
 
 
 @contextmanager
-def _meet(meeting, rank, size):
+def _meet(folder, rank, size):
     if sys.platform == "linux":  # a host's own name may lead nowhere, and all are on this machine
         os.environ.setdefault("GLOO_SOCKET_IFNAME", "lo")
-    distributed.init_process_group("gloo", init_method=meeting.as_uri(), rank=rank, world_size=size)
+    distributed.init_process_group("gloo", init_method=(folder / "meeting").as_uri(), rank=rank, world_size=size)
     try:
-        yield Team(rank, size)
+        yield Crew(rank, size)
     finally:
         distributed.destroy_process_group()
 
 
-def _join(meeting, rank, size, work, arguments):
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # an interrupt is the first process's to handle
+def _join(folder, rank, size, work, arguments):
+    _door(folder, rank).touch()
     # What ends all of them alike is the first one's to tell.
-    with suppress(TeamEnded, FloatingPointError), _meet(meeting, rank, size) as team:
-        work(team, *arguments)
+    with suppress(WorkerEnded, FloatingPointError, ValueError), _meet(folder, rank, size) as crew:
+        work(crew, *arguments)
 
 
 @contextmanager
@@ -121,4 +142,4 @@ def _others_alive():
     try:
         yield
     except RuntimeError as error:
-        raise TeamEnded(ENDED) from error
+        raise WorkerEnded(ENDED) from error

@@ -6,19 +6,19 @@ import pytest
 import torch
 from learners import run, same_bits, updated
 
-from commhg_mj.learning.team import ALONE, Team, TeamEnded, team_of
+from commhg_mj.learning.crew import ALONE, Crew, WorkerEnded, crew_of
 from commhg_mj.learning.train import TRAINING_SEEDS, Training
 
 SIZE = 2
 
 
-def train_together(team, folder):
+def train_together(crew, folder):
     """Two updates, saved, and a third; what this process then holds goes into a file of its own."""
-    ranks = torch.tensor([[1.0 + team.rank], [0.0]])
-    team.average([ranks])
-    assert ranks.tolist() == [[1.5], [0.0]] and team.total(1, team.rank) == [2, 1] and team.least(3 + team.rank) == 3
-    assert team.gather(team.rank) == ([0, 1] if team.is_first else [])
-    training = run(folder / "run", workers=SIZE, team=team)
+    ranks = torch.tensor([[1.0 + crew.rank], [0.0]])
+    crew.average([ranks])
+    assert ranks.tolist() == [[1.5], [0.0]] and crew.total(1, crew.rank) == [2, 1] and crew.least(3 + crew.rank) == 3
+    assert crew.gather(crew.rank) == ([0, 1] if crew.is_first else [])
+    training = run(folder / "run", workers=SIZE, crew=crew)
     updated(training, 2).save()
     updated(training, 1)
     held = {
@@ -26,59 +26,60 @@ def train_together(team, folder):
         "seeds": training.collector.batch.seeds, "counts": [training.updates, training.missions, training.decisions],
         "own": [len(training.collector.scores), len(training.collector.batch.seeds)],
     }  # fmt: skip
-    torch.save(held, folder / f"{team.rank}.pt")
-    resumed = Training.resume(folder / "run", team)
+    torch.save(held, folder / f"{crew.rank}.pt")
+    resumed = Training.resume(folder / "run", crew)
     assert resumed.updates == 2 and same_bits(updated(resumed, 1), training)
 
 
-def die(team):
-    team.total(1)
+def die(crew):
+    crew.total(1)
     os._exit(1)
 
 
-def test_one_process_is_a_team_too():
+def test_one_process_is_a_crew_too():
     tensor = torch.tensor([1.0, 2.0])
     ALONE.average([tensor])
     assert tensor.tolist() == [1.0, 2.0] and ALONE.total(3, 4) == [3, 4] and ALONE.least(5) == 5 and ALONE.gather("x") == ["x"]
-    with team_of(1, die) as team:
-        assert team is ALONE and team.is_first
+    with crew_of(1, die) as crew:
+        assert crew is ALONE and crew.is_first
 
 
 @pytest.mark.parametrize("n, size", [(32, 1), (32, 5), (3, 3)])
 def test_parts_add_up(n, size):
-    parts = [Team(rank, size).share(n) for rank in range(size)]
+    parts = [Crew(rank, size).share(n) for rank in range(size)]
     assert sum(parts) == n and max(parts) - min(parts) <= 1
 
 
 def test_processes_hold_the_same_bits_and_resume_to_them(tmp_path):
-    with team_of(SIZE, train_together, tmp_path) as team:
-        train_together(team, tmp_path)
+    with crew_of(SIZE, train_together, tmp_path) as crew:
+        train_together(crew, tmp_path)
     one, other = (torch.load(tmp_path / f"{rank}.pt", weights_only=True) for rank in range(SIZE))
     assert all(torch.equal(one["method"][name], other["method"][name]) for name in one["method"])
     assert one["counts"] == other["counts"] and one["counts"][1] == one["own"][0] + other["own"][0] > 0
     assert set(one["seeds"]).isdisjoint(other["seeds"]) and one["own"][1] + other["own"][1] == 6
     assert min(other["seeds"]) >= TRAINING_SEEDS + TRAINING_SEEDS // SIZE
-    # What they learn is neither's own: each alone would have learnt something else.
-    alone = updated(run(tmp_path / "alone"), 3).method.state_dict()
-    assert not all(torch.equal(one["method"][name], alone[name]) for name in alone)
 
 
-def test_a_step_follows_the_teams_average(tmp_path):
-    class Opposed(Team):
+def test_a_step_follows_the_crews_average(tmp_path):
+    class Opposed(Crew):
         """The others found the very opposite."""
 
         def average(self, tensors):
             for tensor in tensors:
                 tensor.zero_()
 
-    training = run(tmp_path, team=Opposed())
+        def _reduce(self, tensor, how):
+            return tensor
+
+    training = run(tmp_path, crew=Opposed(0, 2))
     before = [parameter.clone() for parameter in training.method.parameters()]
     assert training.update()["grad_norm"] == 0
     assert all(map(torch.equal, training.method.parameters(), before))
+    assert not training.learner.optimizer.state, "to Adam a gradient of zero is a step"
 
 
 def test_the_end_of_another_process_is_told():
-    with pytest.raises(TeamEnded, match="another process"), team_of(SIZE, die) as team:
-        team.total(1)
+    with pytest.raises(WorkerEnded, match="another process"), crew_of(SIZE, die) as crew:
+        crew.total(1)
         for _ in range(100):
-            team.total(1)
+            crew.total(1)
