@@ -7,7 +7,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from multiprocessing import get_context, resource_tracker
+from multiprocessing import get_context, parent_process, resource_tracker
 from pathlib import Path
 
 import torch
@@ -89,10 +89,12 @@ def crew_of(size: int, work: Callable, *arguments) -> Iterator[Crew]:
             _start(others, folder)
             with _meet(folder, 0, size) as crew:
                 yield crew
+                _door(folder, 0).touch()
                 for other in others:
                     other.join()
-            if any(other.exitcode for other in others):
-                raise WorkerEnded(ENDED)
+            codes = [other.exitcode for other in others if other.exitcode]
+            if codes:
+                raise WorkerEnded(f"{ENDED} (exit code {codes[0]})")
         finally:
             for other in others:
                 if other.pid:
@@ -116,6 +118,7 @@ def _start(others, folder):
 
 
 def _door(folder, rank):
+    """A file by which a process says that it has come; the first one, that it is done."""
     return folder / f"here-{rank}"
 
 
@@ -135,6 +138,9 @@ def _join(folder, rank, size, work, arguments):
     # What ends all of them alike is the first one's to tell.
     with suppress(WorkerEnded, FloatingPointError, ValueError), _meet(folder, rank, size) as crew:
         work(crew, *arguments)
+        # Who leaves before the first one has read its last message takes that message along.
+        while parent_process().is_alive() and not _door(folder, 0).exists():
+            time.sleep(0.05)
 
 
 @contextmanager
@@ -142,4 +148,4 @@ def _others_alive():
     try:
         yield
     except RuntimeError as error:
-        raise WorkerEnded(ENDED) from error
+        raise WorkerEnded(f"{ENDED} ({str(error).splitlines()[0]})") from error

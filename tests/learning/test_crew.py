@@ -1,6 +1,7 @@
 """Several processes that train one policy."""
 
 import os
+import time
 
 import pytest
 import torch
@@ -34,6 +35,16 @@ def train_together(crew, folder):
 def die(crew):
     crew.total(1)
     os._exit(1)
+
+
+def be_done(crew):
+    crew.gather("last words")
+
+
+def test_last_words_are_heard_however_late_the_first_one_listens():
+    with crew_of(SIZE, be_done) as crew:
+        time.sleep(2)
+        assert crew.gather("first") == ["first", "last words"]
 
 
 def test_one_process_is_a_crew_too():
