@@ -148,4 +148,5 @@ def _others_alive():
     try:
         yield
     except RuntimeError as error:
-        raise WorkerEnded(f"{ENDED} ({str(error).splitlines()[0]})") from error
+        first_line, *_ = str(error).partition("\n")
+        raise WorkerEnded(f"{ENDED} ({first_line})") from error

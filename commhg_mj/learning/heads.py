@@ -52,8 +52,7 @@ def tensors_of(choices: RobotChoices) -> RobotChoices:
 
 def judge_robots(logits: RobotLogits, graphs, choices) -> Likelihood:
     """The joint likelihood of robots' choices; `graphs` and `choices` hold tensors, `graphs.rows` the edges' rows."""
-    task = _judge_tasks(logits, graphs, choices.task)
-    parts = [task]
+    parts = [_judge_tasks(logits, graphs, choices.task)]
     if logits.gate is not None:
         parts.append(_judge_switch(logits.gate, choices.gate, graphs.gate))
     is_quiet = torch.ones_like(graphs.gate)
