@@ -18,6 +18,7 @@ MOST_PIXELS = 64_000_000  # of a picture that is read
 PLAIN = 0.02  # of white: darker ground is the plain
 HEADER = struct.Struct(">8s4x4sIIBB")  # of a PNG: signature, length, IHDR, width, height, bits, colour type
 GREY = 0  # PNG's colour type
+LUMA = np.array([114, 587, 299])  # weights of blue, green and red in brightness (ITU-R BT.601)
 
 
 def read_heightmap(path) -> str:
@@ -41,10 +42,10 @@ def read_heightmap(path) -> str:
     if width * height > MOST_PIXELS:
         raise ValueError(f"{where}: {width}x{height} are too many pixels, at most {MOST_PIXELS / 1e6:g} million are read")
     picture = _decode(png, where)
+    white = np.iinfo(picture.dtype).max
     if picture.ndim == 3:
-        picture = cv2.cvtColor(picture[..., :3], cv2.COLOR_BGR2GRAY)
-    share = picture.astype(np.float32) / np.iinfo(picture.dtype).max
-    share = cv2.resize(share, (PIXELS, PIXELS), interpolation=cv2.INTER_AREA if width > PIXELS else cv2.INTER_LINEAR)
+        picture, white = picture[..., :3] @ LUMA, LUMA.sum() * white
+    share = _reduce(picture) / (white * width**2) if width > PIXELS else _enlarge(picture / white)
     if share.max() <= PLAIN:
         raise ValueError(
             f"{where}: nothing in it is brighter than the plain ({PLAIN:.0%} of white): stretch its greys, or use "
@@ -57,6 +58,38 @@ def to_text(share) -> str:
     """The field's content for brightnesses [PIXELS, PIXELS] in 0..1, first row in the north."""
     grey = np.rint(255 * np.asarray(share)).astype(np.uint8)
     return base64.b64encode(cv2.imencode(".png", grey, [cv2.IMWRITE_PNG_COMPRESSION, 9])[1]).decode()
+
+
+def bilinear(table, x, y) -> np.ndarray:
+    """Values of table [rows, columns] at columns x and rows y, arrays of one shape: linear between, beyond the rim as on it."""
+    cells = []
+    for place, n in ((x, table.shape[1]), (y, table.shape[0])):
+        place = np.clip(place, 0, n - 1)
+        first = np.minimum(place.astype(int), max(n - 2, 0))
+        cells.append((first, np.minimum(first + 1, n - 1), place - first))
+    (west, east, u), (south, north, v) = cells
+    low = table[south, west] + u * (table[south, east] - table[south, west])
+    high = table[north, west] + u * (table[north, east] - table[north, west])
+    return low + v * (high - low)
+
+
+def _enlarge(share):
+    """A picture [n, n] in PIXELS² pixels."""
+    centres = (np.arange(PIXELS) + 0.5) * len(share) / PIXELS - 0.5
+    return bilinear(share, *np.meshgrid(centres, centres))
+
+
+def _reduce(picture):
+    """Sums [PIXELS, PIXELS] of a picture [n, n] of whole numbers over its blocks, each of n² PIXELS²-ths of a pixel.
+
+    In whole numbers: means of few pixels lie on the edge of rounding, where OpenCV's order depends on the processor.
+    """
+    edges, within = np.divmod(np.arange(PIXELS + 1) * len(picture), PIXELS)
+    for _ in "yx":
+        until = np.pad(np.cumsum(picture, axis=0, dtype=np.int64), ((1, 0), (0, 0)))[edges]
+        following = np.pad(picture, ((0, 1), (0, 0)))[edges].astype(np.int64)
+        picture = np.diff(PIXELS * until + within[:, None] * following, axis=0).T
+    return picture
 
 
 @lru_cache(maxsize=64)

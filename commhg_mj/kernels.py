@@ -13,7 +13,7 @@ import numba
 import numpy as np
 
 PACKAGE = Path(__file__).parent
-ROOMS = ("models", "radio", "mission", "policies", "tasks", "learning")  # where kernels live
+ROOMS = ("base", "models", "radio", "mission", "policies", "tasks", "learning")  # where kernels live
 
 
 def _source_hash() -> str:

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from ..base.elementary import log
 from ..kernels import formula
 from ..mission.observe import Observations
 from ..mission.randomness import uniform
@@ -13,7 +14,7 @@ EVENT = 65  # plus the role; policies/random.py has 64; indices: actor, componen
 @formula
 def gumbel(seed, event, tick, actor, component):
     """A standard Gumbel number that depends on the arguments alone."""
-    return -np.log(-np.log(max(uniform(seed, event, tick, actor, component), 2.0**-54)))
+    return -log(-log(max(uniform(seed, event, tick, actor, component), 2.0**-54)))
 
 
 class Draws:

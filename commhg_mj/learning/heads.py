@@ -15,6 +15,7 @@ from ..terms import IDLE, KEEP, NOBODY
 from .draws import OPERATOR, ROBOT
 
 ILLEGAL = -1e9  # a masked logit
+STEP = 2.0**-10  # choices are made on logits rounded to this: far above float32's errors, far below what matters
 FIXED, GATE, ASSIST, QUERY, TASKS = 0, 2, 4, 8, 64  # first components of a robot's noise
 
 
@@ -120,8 +121,8 @@ def choose_robots(logits: RobotLogits, graphs, rng, is_greedy: bool) -> RobotCho
     noise, n = _noise(rng, ROBOT, is_greedy), len(graphs.itself)
     each = np.arange(n)
     rows = np.repeat(each, np.diff(graphs.task_ptr))
-    fixed = np.where(graphs.keep_idle, logits.keep_idle.numpy() + noise(each[:, None], FIXED + np.arange(2)), ILLEGAL)
-    edges = np.where(graphs.task_legal, logits.task.numpy() + noise(rows, TASKS + graphs.task), ILLEGAL)
+    fixed = np.where(graphs.keep_idle, _coarse(logits.keep_idle) + noise(each[:, None], FIXED + np.arange(2)), ILLEGAL)
+    edges = np.where(graphs.task_legal, _coarse(logits.task) + noise(rows, TASKS + graphs.task), ILLEGAL)
     best = np.where(fixed[:, 0] >= fixed[:, 1], KEEP, IDLE)
     top = fixed.max(axis=1)
     # The best edge of each row: edges in rising order of score, the last one written wins.
@@ -133,12 +134,12 @@ def choose_robots(logits: RobotLogits, graphs, rng, is_greedy: bool) -> RobotCho
     gate, assist = np.zeros(n, bool), np.zeros(n, bool)
     query = np.full(n, NOBODY)
     if logits.gate is not None:
-        gate = graphs.gate & (logits.gate.numpy() + noise(each, GATE) - noise(each, GATE + 1) > 0.0)
+        gate = graphs.gate & (_coarse(logits.gate) + noise(each, GATE) - noise(each, GATE + 1) > 0.0)
     if logits.query is not None:
         legal = np.concatenate([np.ones((n, 1), bool), graphs.query], axis=1)
         query = _best(logits.query, legal, noise, QUERY) - 1
     if logits.assist is not None:
-        assist = graphs.assist & (query == NOBODY) & (logits.assist.numpy() + noise(each, ASSIST) - noise(each, ASSIST + 1) > 0.0)
+        assist = graphs.assist & (query == NOBODY) & (_coarse(logits.assist) + noise(each, ASSIST) - noise(each, ASSIST + 1) > 0.0)
     return RobotChoices(task, gate, query, assist)
 
 
@@ -149,7 +150,12 @@ def choose_operators(logits: Tensor, legal: np.ndarray, rng, is_greedy: bool) ->
 
 def _best(logits, legal, noise, first):
     n, width = legal.shape
-    return np.where(legal, logits.numpy() + noise(np.arange(n)[:, None], first + np.arange(width)), ILLEGAL).argmax(axis=1)
+    return np.where(legal, _coarse(logits) + noise(np.arange(n)[:, None], first + np.arange(width)), ILLEGAL).argmax(axis=1)
+
+
+def _coarse(logits):
+    """Logits in whole STEPs: what is equal but for float32's last bits ties on every processor, and ties have one winner."""
+    return np.rint(logits.numpy() / STEP) * STEP
 
 
 def _noise(rng, role, is_greedy):

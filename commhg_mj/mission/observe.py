@@ -8,8 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..base.elementary import distance
 from ..kernels import kernel
-from ..models.routes import distance, measure_goals
+from ..models.routes import measure_goals
 from ..terms import NOBODY, Embodiment, Kind, Mode, Session
 from .access import (
     belief_of,

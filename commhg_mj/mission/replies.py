@@ -1,7 +1,7 @@
 """What a reply to a query says: the operator's resources and at most one task tip (benchmark, section 6)."""
 
+from ..base.elementary import distance
 from ..kernels import kernel
-from ..models.routes import distance
 from ..terms import NOBODY
 from .access import belief_of, downlink_of, operator_of, peer_of, task_of, tip_of
 from .records import DONE, OPEN

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..base.elementary import exp
 from ..terms import Activity, Fate, Kind
 
 
@@ -35,7 +36,7 @@ class Score:
 def twcr(value, deadline, decay, done_at) -> float:
     """Timely Weighted Completion Ratio from arrays [T]; `done_at` < 0 marks tasks never completed."""
     late = np.maximum(0.0, done_at - deadline)
-    return float(np.sum(value * (done_at >= 0) * np.exp(-late / decay)) / np.sum(value))
+    return float(np.sum(value * (done_at >= 0) * exp(-late / decay)) / np.sum(value))
 
 
 def score_missions(state) -> list[Score]:

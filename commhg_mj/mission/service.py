@@ -1,9 +1,8 @@
 """Robots at work: travel, arrival, service and its outcome (benchmark, sections 3 and 4)."""
 
-import numpy as np
-
+from ..base.elementary import distance, exp
 from ..kernels import kernel
-from ..models.routes import DIRECT, best_start, distance, find_visible, is_clear
+from ..models.routes import DIRECT, best_start, find_visible, is_clear
 from ..terms import NOBODY, Activity, Embodiment, Mode, Status
 from .access import operator_of, robot_of, routes_of, scratch_of, task_of
 from .randomness import Event, uniform
@@ -193,4 +192,4 @@ def complete(m, r, time):
 @kernel
 def timeliness(deadline, decay, time):
     """Share of a task's value that completion at `time` realises (paper, eq. 6)."""
-    return np.exp(-max(0.0, time - deadline) / decay)
+    return exp(-max(0.0, time - deadline) / decay)

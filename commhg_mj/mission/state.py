@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..base.elementary import expm1, log1p
 from ..kernels import record
 from ..models.routes import new_scratch
 from ..models.world import World
@@ -258,7 +259,7 @@ def write_rules(missions, scenario: Scenario, links: str, limitation: str) -> No
     rules["late_low"], rules["late_high"] = transport.late_delay
     rules["message_bytes"] = [getattr(transport, f"{kind.name.lower()}_bytes") for kind in Kind]
     rules["speed"] = (robots.autonomous_speed, robots.controlled_speed)
-    rules["hazard"] = 1.0 - (1.0 - robots.malfunction) ** (1.0 / limit)
+    rules["hazard"] = -expm1(log1p(-robots.malfunction) / limit)
     rules["controlled_hazard"] = robots.controlled_hazard * rules["hazard"]
     rules["sensing_radius"] = robots.sensing_radius * side
     rules["pending_cost"] = scenario.reward.pending

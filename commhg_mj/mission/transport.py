@@ -4,8 +4,8 @@ Every message ends in exactly one `Fate`. Stations' ends of links are numbered a
 h is address R + h, the station's shared table R + H.
 """
 
+from ..base.elementary import distance
 from ..kernels import kernel
-from ..models.routes import distance
 from ..radio.links import fates
 from ..terms import NOBODY, Activity, Fate, Kind
 from .access import (

@@ -10,6 +10,7 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
+from ..base.elementary import cos, distance, sin
 from ..heightmap import PLAIN
 from ..scenarios import Scenario
 from ..terms import Footprint
@@ -76,9 +77,9 @@ def _triangles(surface, grid):
 
 def unit_frame(parts, inflation=0.0) -> np.ndarray:
     """Maps that turn each (inflated) ellipse into the unit circle: rows (x, y, m00, m01, m10, m11)."""
-    cos, sin = np.cos(parts["angle"]), np.sin(parts["angle"])
+    along, across = cos(parts["angle"]), sin(parts["angle"])
     a, b = parts["a"] + inflation, parts["b"] + inflation
-    return np.stack([parts["x"], parts["y"], cos / a, sin / a, -sin / b, cos / b], axis=-1)
+    return np.stack([parts["x"], parts["y"], along / a, across / a, -across / b, along / b], axis=-1)
 
 
 def inside_any(frames, xy) -> np.ndarray:
@@ -101,7 +102,7 @@ def draw_layout(scenario: Scenario, rng: np.random.Generator) -> Layout:
         relief = rules.heightmap, side, rules.mountain_height[1]
         mountains, surfaces = _heightmap_mountains(*relief)
         places = _station_places(*relief, rules.ugv_radius)  # the usual place, where it is one of them
-        station = np.round(places[np.linalg.norm(places - station, axis=1).argmin()], 2)
+        station = np.round(places[distance(*(places - station).T).argmin()], 2)
     else:
         mountains = _draw_mountains(scenario, station, rng)
     forests = _draw_forests(scenario, station, mountains, rng)
@@ -137,8 +138,8 @@ def _place(radius, inflation, station, others, side, rng):
     for attempt in range(400):
         centre = rng.uniform(MARGIN * side, (1 - MARGIN) * side, 2)
         patience = max(0.5, 1.0 - attempt / 400)
-        clear = np.linalg.norm(centre - station) > radius + clearing
-        if clear and all(np.hypot(*(centre - o[:2])) > patience * (radius + o[2]) for o in others):
+        clear = distance(*(centre - station)) > radius + clearing
+        if clear and all(distance(*(centre - o[:2])) > patience * (radius + o[2]) for o in others):
             return centre
     # Crowded: a far corner clears the station.
     return np.array([MARGIN * side if centre[0] < side / 2 else (1 - MARGIN) * side, (1 - MARGIN) * side])
@@ -225,7 +226,7 @@ def _draw_forests(scenario, station, mountains, rng):
             angle += rng.uniform(1.2, 2.4)
             r = radius * rng.uniform(0.5, 0.75)
             d = radius * rng.uniform(0.7, 0.95)
-            discs.append((group, x + d * np.cos(angle), y + d * np.sin(angle), r, height))
+            discs.append((group, x + d * cos(angle), y + d * sin(angle), r, height))
     parts = np.zeros(len(discs), PART)
     for i, (group, *disc) in enumerate(discs):
         x, y, r, height = np.round(disc, 2)

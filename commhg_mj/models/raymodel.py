@@ -13,6 +13,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from ..base.elementary import distance
 from .layout import Layout, surface_half_width
 from .mjcf import Group, build_obstacles
 from .rays import CALLS, CANOPY, RayArrays
@@ -56,7 +57,7 @@ class RayModel:
 def _reach(surface, half):
     """Radius [m] around a mountain's centre beyond which its triangles are flat: a cell's diagonal from its last node."""
     axis = np.linspace(-half, half, SURFACE_NODES)
-    away = np.hypot(*np.meshgrid(axis, axis))
+    away = distance(*np.meshgrid(axis, axis))
     return away[surface > 0].max() + np.sqrt(2) * (axis[1] - axis[0])
 
 

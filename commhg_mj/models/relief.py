@@ -6,6 +6,9 @@ nodes lie as near to each other as the picture's pixels. Neighbours overlap alon
 corner of its cells, and every surface shows all the ground that its square meets. The ground is the highest surface,
 so no cut shows.
 
+One last bit would move a cut and so all that follows: sums run in the order that stands here, and roots are the only
+functions.
+
 Units here: pixels of the picture, rows and columns from the south-west; its nodes are the pixels' centres.
 """
 
@@ -15,7 +18,8 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
-from ..heightmap import PIXELS, PLAIN, brightness
+from ..heightmap import PIXELS, PLAIN, bilinear, brightness
+from ..kernels import kernel
 
 RAMP = 5  # pixels beyond the map's edge, on which ground that the edge cuts runs out into the plain
 MOST_PARTS = 48
@@ -27,25 +31,38 @@ CORNERS = np.array([(0, 0), (1, 0), (0, 1), (1, 1)])
 
 @dataclass(frozen=True)
 class Piece:
-    """Cells [n, 2] (column, row of the lower corner) in the ellipse of all x with (x - centre)' shape⁻¹ (x - centre) <= 1."""
+    """Cells [n, 2] (column, row of the lower corner) and an ellipse around them."""
 
     cells: np.ndarray
-    centre: np.ndarray
-    shape: np.ndarray
+    centre: tuple  # (x, y)
+    shape: tuple  # (xx, xy, yy) of the matrix S: the ellipse is all x with (x - centre)' S⁻¹ (x - centre) <= 1
     waste: int  # free cells in the ellipse
 
     @property
-    def reach(self) -> float:
-        """The longest semi-axis."""
-        return np.sqrt(np.linalg.eigvalsh(self.shape)[-1])
+    def semi_axes(self) -> tuple[float, float]:
+        """The longer and the shorter one: roots of S's eigenvalues."""
+        middle, away, _ = self._halves()
+        return np.sqrt(middle + away), np.sqrt(middle - away)
+
+    @property
+    def axis(self) -> tuple[float, float]:
+        """A vector along the longer axis: S's eigenvector, of any length."""
+        _, away, along = self._halves()
+        if away == 0.0:
+            return 1.0, 0.0
+        xy = self.shape[1]
+        return (along + away, xy) if along >= 0 else (xy, away - along)
+
+    def _halves(self):
+        """(half the sum of S's eigenvalues, half their difference, half the difference of its diagonal)."""
+        xx, xy, yy = self.shape
+        along = (xx - yy) / 2
+        return (xx + yy) / 2, np.sqrt(along * along + xy * xy), along
 
 
 def height_share(heightmap, xy) -> np.ndarray:
     """The ground's height, of white's, at xy [..., 2] in sides: bilinear between pixels, 0 on the plain."""
-    from scipy.ndimage import map_coordinates  # a quarter of a second of every start; few need it
-
-    x, y = np.moveaxis(np.asarray(xy, float) * PIXELS - 0.5 + RAMP, -1, 0)
-    return map_coordinates(_nodes(heightmap), [y, x], order=1)
+    return bilinear(_nodes(heightmap), *np.moveaxis(np.asarray(xy, float) * PIXELS - 0.5 + RAMP, -1, 0))
 
 
 @lru_cache(maxsize=16)
@@ -55,7 +72,7 @@ def cover(heightmap) -> np.ndarray:
     pieces = [_enclose(cells, free)] if len(cells) else []
     allowed = LOOSE * min(len(cells), len(free))
     while 0 < len(pieces) < MOST_PARTS:
-        waste, excess = [piece.waste for piece in pieces], [piece.reach - WIDEST for piece in pieces]
+        waste, excess = [piece.waste for piece in pieces], [piece.semi_axes[0] - WIDEST for piece in pieces]
         worst = int(np.argmax(waste if sum(waste) > allowed else excess))  # open ground first, then fine surfaces
         if (sum(waste) <= allowed and excess[worst] <= 0) or len(pieces[worst].cells) == 1:
             break
@@ -79,23 +96,57 @@ def _raised_and_free(heightmap):
 
 
 def _enclose(cells, free) -> Piece:
-    """The smallest ellipse around all corners of the cells (Titterington's iteration), on a map with these free cells."""
+    """The smallest ellipse around all corners of the cells, on a map with these free cells."""
     corners = (cells[:, None] + CORNERS).reshape(-1, 2)
     hull = cv2.convexHull(corners.astype(np.int32))[:, 0].astype(float)
-    lifted, weights = np.c_[hull, np.ones(len(hull))], np.full(len(hull), 1 / len(hull))
+    centre, shape = smallest_ellipse(hull)
+    return Piece(cells, centre, shape, count_inside(np.ascontiguousarray(free), centre, shape))
+
+
+@kernel
+def smallest_ellipse(points):
+    """(centre, shape) of the smallest ellipse around points [n, 2], not all on one line (Titterington's iteration)."""
+    weights = np.full(points.shape[0], 1.0 / points.shape[0])
     for _ in range(ROUNDS):
-        moments = (lifted.T * weights) @ lifted
-        weights *= _squares(lifted, moments) / 3
-    centre = weights @ hull
-    away = hull - centre
-    shape = (away.T * weights) @ away
-    shape *= _squares(away, shape).max()
-    return Piece(cells, centre, shape, np.count_nonzero(_squares(free + 0.5 - centre, shape) < 1))
+        centre, shape = spread(points, weights)
+        for i in range(points.shape[0]):
+            weights[i] *= (1.0 + square(points[i, 0] - centre[0], points[i, 1] - centre[1], shape)) / 3.0
+    centre, shape = spread(points, weights)
+    most = 0.0
+    for i in range(points.shape[0]):
+        most = max(most, square(points[i, 0] - centre[0], points[i, 1] - centre[1], shape))
+    return centre, (most * shape[0], most * shape[1], most * shape[2])
 
 
-def _squares(x, shape):
-    """x' shape⁻¹ x for every row of x."""
-    return np.einsum("ij,ij->i", x @ np.linalg.inv(shape), x)
+@kernel
+def spread(points, weights):
+    """Weighted mean (x, y) and covariance (xx, xy, yy) of points [n, 2]; the weights sum to 1."""
+    x, y, xx, xy, yy = 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(points.shape[0]):
+        x += weights[i] * points[i, 0]
+        y += weights[i] * points[i, 1]
+    for i in range(points.shape[0]):
+        dx, dy = points[i, 0] - x, points[i, 1] - y
+        xx += weights[i] * dx * dx
+        xy += weights[i] * dx * dy
+        yy += weights[i] * dy * dy
+    return (x, y), (xx, xy, yy)
+
+
+@kernel
+def square(dx, dy, shape):
+    """(dx, dy) S⁻¹ (dx, dy)' of the matrix S = [[xx, xy], [xy, yy]]."""
+    xx, xy, yy = shape
+    return (yy * dx * dx - 2.0 * xy * dx * dy + xx * dy * dy) / (xx * yy - xy * xy)
+
+
+@kernel
+def count_inside(cells, centre, shape):
+    """How many of the cells [n, 2] have their middle in an ellipse."""
+    count = 0
+    for i in range(cells.shape[0]):
+        count += square(cells[i, 0] + 0.5 - centre[0], cells[i, 1] + 0.5 - centre[1], shape) < 1.0
+    return count
 
 
 def _halves(piece):
@@ -105,7 +156,8 @@ def _halves(piece):
     mask[row, column] = 1
     regions, labels = cv2.connectedComponents(mask)
     region = labels[row, column] - 1
-    along = piece.cells @ np.linalg.eigh(piece.shape)[1][:, -1]
+    x, y = piece.axis
+    along = piece.cells[:, 0] * x + piece.cells[:, 1] * y
     places = np.bincount(region, along) / np.bincount(region)
     if np.ptp(places) > 0:  # regions stay whole, but for those around each other
         ordered = np.sort(places)
@@ -117,7 +169,6 @@ def _halves(piece):
 
 
 def _ellipse(piece):
-    squares, axes = np.linalg.eigh(piece.shape)
-    b, a = np.sqrt(squares)
-    x, y = piece.centre + 0.5 - RAMP
-    return *(np.array([x, y, a, b]) / PIXELS), np.arctan2(axes[1, 1], axes[0, 1])
+    x, y = piece.centre
+    a, b = piece.semi_axes
+    return (x + 0.5 - RAMP) / PIXELS, (y + 0.5 - RAMP) / PIXELS, a / PIXELS, b / PIXELS, np.arctan2(*piece.axis[::-1])

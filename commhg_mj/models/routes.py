@@ -11,6 +11,7 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
+from ..base.elementary import cos, distance, sin
 from ..kernels import kernel
 from .layout import inside_any, unit_frame
 
@@ -45,12 +46,6 @@ def new_scratch(n_corners: int, n_goals: int) -> Scratch:
     """Scratch for queries of a world; between queries 64 places at least are free for other use."""
     n = n_corners + n_goals + 64
     return Scratch(np.empty(n, np.int32), np.empty(n), *(np.empty(n, np.float32) for _ in range(3)))
-
-
-@kernel
-def distance(dx, dy):
-    """Length of a planar vector: np.hypot's care about overflow costs ten times as much."""
-    return np.sqrt(dx * dx + dy * dy)
 
 
 @kernel
@@ -198,11 +193,11 @@ def obstacle_corners(parts, radius, side) -> tuple[np.ndarray, np.ndarray]:
     """(frames [parts, 6], corners [n, 6]) of the footprints inflated by `radius`, on a map of `side` metres."""
     frames = unit_frame(parts, radius).reshape(-1, 6)
     turn = 2 * np.pi * np.arange(CORNERS) / CORNERS
-    reach = (1 + GAP) / np.cos(np.pi / CORNERS)
+    reach = (1 + GAP) / cos(np.pi / CORNERS)
     a, b = (parts[axis][:, None] + radius for axis in "ab")
-    u, v = a * reach * np.cos(turn), b * reach * np.sin(turn)
-    cos, sin = np.cos(parts["angle"])[:, None], np.sin(parts["angle"])[:, None]
-    ring = np.stack([parts["x"][:, None] + cos * u - sin * v, parts["y"][:, None] + sin * u + cos * v], -1)
+    u, v = a * reach * cos(turn), b * reach * sin(turn)
+    along, across = cos(parts["angle"])[:, None], sin(parts["angle"])[:, None]
+    ring = np.stack([parts["x"][:, None] + along * u - across * v, parts["y"][:, None] + across * u + along * v], -1)
     corners = np.concatenate([ring, np.roll(ring, 1, 1), np.roll(ring, -1, 1)], -1).reshape(-1, 6)
     xy = corners[:, :2]
     free = np.all((xy >= radius) & (xy <= side - radius), axis=-1) & ~inside_any(frames, xy)

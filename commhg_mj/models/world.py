@@ -5,6 +5,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
+from ..base.elementary import distance
 from ..scenarios import Scenario
 from ..terms import TaskType
 from .layout import STATION_CLEARING, Layout, draw_layout
@@ -66,7 +67,7 @@ def _draw_pois(scenario, layout, roadmap, poi_types, rng):
         for _ in range(TRIES_PER_POI):
             poi = np.round(rng.uniform(BORDER * side, (1 - BORDER) * side, 2), 2)
             crowded = i and np.min(np.sum((pois[:i] - poi) ** 2, axis=-1)) < spacing**2
-            if crowded or np.hypot(*(poi - layout.station)) < clearing:
+            if crowded or distance(*(poi - layout.station)) < clearing:
                 continue
             if poi_type == TaskType.UAV_ONLY or roadmap.is_reachable(poi):
                 pois[i] = poi

@@ -9,6 +9,7 @@ import dataclasses
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from ..base.elementary import distance
 from ..kernels import kernel
 from ..mission.access import operator_of, robot_of, routes_of, scratch_of, task_of
 from ..mission.batch import MissionBatch, stay
@@ -23,7 +24,7 @@ from ..mission.service import (
     controlled_success,
     timeliness,
 )
-from ..models.routes import distance, measure_goals
+from ..models.routes import measure_goals
 from ..terms import IDLE, NOBODY, REST, Activity, Embodiment, Mode
 
 UGV, CONTROLLED = int(Embodiment.UGV), int(Mode.CONTROLLED)

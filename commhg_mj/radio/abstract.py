@@ -1,10 +1,8 @@
 """The abstract planar link of the paper: range, then metres inside footprints (design: radio.md)."""
 
-import numpy as np
-
+from ..base.elementary import distance, exp
 from ..kernels import kernel
 from ..models.intervals import crossing, insert_interval, union_length
-from ..models.routes import distance
 from ..terms import Footprint
 
 FOREST = int(Footprint.FOREST)
@@ -46,4 +44,4 @@ def measure_planar(radio, obstacles, a, b, link):
     link.metres = distance(b[0] - a[0], b[1] - a[1])
     link.forest = metres_inside(frames, kinds, FOREST, a[0], a[1], b[0], b[1], scratch)
     link.mountain = metres_inside(frames, kinds, MOUNTAIN, a[0], a[1], b[0], b[1], scratch)
-    link.passing = np.exp(-link.forest / radio.forest_decay - link.mountain / radio.mountain_decay)
+    link.passing = exp(-link.forest / radio.forest_decay - link.mountain / radio.mountain_decay)

@@ -4,10 +4,9 @@ Sources: Recommendations ITU-R P.525 (free space), P.526 (diffraction), P.833 (v
 (1982); Pei and Henderson, "Validation of OFDM error rate model in ns-3" (2010) with the NIST error rates.
 """
 
-import math
-
 import numpy as np
 
+from ..base.elementary import erfc, exp, expm1, log1p, log10, power
 from ..kernels import formula
 
 LIGHT = 299_792_458.0  # m/s
@@ -25,7 +24,7 @@ def wavelength(frequency):
 @formula
 def free_space_loss(metres, frequency):
     """Basic transmission loss [dB] over a clear way at a carrier [GHz] (P.525, eq. 2)."""
-    return 20.0 * np.log10(4.0 * np.pi * max(metres, NEAREST) / wavelength(frequency))
+    return 20.0 * log10(4.0 * np.pi * max(metres, NEAREST) / wavelength(frequency))
 
 
 @formula
@@ -37,14 +36,14 @@ def foliage_loss(metres, rate, limit):
       rate: specific attenuation of very short ways [dB/m].
       limit: the loss [dB] that long ways approach.
     """
-    return limit * (1.0 - np.exp(-metres * rate / limit))
+    return limit * (1.0 - exp(-metres * rate / limit))
 
 
 @formula
 def weissberger_loss(metres, frequency):
     """Excess loss [dB] of a way through trees in leaf at 0.23-95 GHz, for up to 400 m (Weissberger 1982)."""
-    scale = frequency**0.284
-    return 0.45 * scale * metres if metres <= 14.0 else 1.33 * scale * metres**0.588
+    scale = power(frequency, 0.284)
+    return 0.45 * scale * metres if metres <= 14.0 else 1.33 * scale * power(metres, 0.588)
 
 
 @formula
@@ -63,19 +62,19 @@ def knife_edge_loss(nu):
     """Diffraction loss J [dB] over a single knife edge (P.526, eq. 31)."""
     if nu <= FRESNEL_CLEAR:
         return 0.0
-    return 6.9 + 20.0 * np.log10(np.sqrt((nu - 0.1) ** 2 + 1.0) + nu - 0.1)
+    return 6.9 + 20.0 * log10(np.sqrt((nu - 0.1) ** 2 + 1.0) + nu - 0.1)
 
 
 @formula
 def bullington_loss(knife_edge, metres):
     """Diffraction loss [dB] of a path, from the loss over its Bullington point [dB] and its length [m] (P.526, eq. 54)."""
-    return knife_edge + (1.0 - np.exp(-knife_edge / 6.0)) * (10.0 + 0.02e-3 * metres)
+    return knife_edge + (1.0 - exp(-knife_edge / 6.0)) * (10.0 + 0.02e-3 * metres)
 
 
 @formula
 def noise_power(bandwidth, noise_figure):
     """Noise [dBm] of a receiver: bandwidth [MHz], noise figure [dB]."""
-    return THERMAL_NOISE + 10.0 * np.log10(1e6 * bandwidth) + noise_figure
+    return THERMAL_NOISE + 10.0 * log10(1e6 * bandwidth) + noise_figure
 
 
 @formula
@@ -86,9 +85,9 @@ def packet_error(snr, size):
       snr: signal to noise [dB].
       size: of the packet [B].
     """
-    p = 0.5 * math.erfc(np.sqrt(10.0 ** (0.1 * snr)))
+    p = 0.5 * erfc(np.sqrt(power(10.0, 0.1 * snr)))
     d2 = 4.0 * p * (1.0 - p)  # the square of the Chernoff parameter D
     union = 36.0 + d2 * (211.0 + d2 * (1404.0 + d2 * (11633.0 + d2 * (77433.0 + d2 * (502690.0 + d2 * (
         3322763.0 + d2 * (21292910.0 + d2 * 134365911.0)))))))  # fmt: skip
     bit_error = min(1.0, 0.5 * d2**5 * union)
-    return -math.expm1(8.0 * size * math.log1p(-bit_error)) if bit_error < 1.0 else 1.0
+    return -expm1(8.0 * size * log1p(-bit_error)) if bit_error < 1.0 else 1.0

@@ -4,8 +4,8 @@ The mission asks only when a message is sent. Loss and delay over clear ground b
 level and are the same for every model, so that models differ by obstacles alone (design: radio.md).
 """
 
+from ..base.elementary import distance
 from ..kernels import kernel
-from ..models.routes import distance
 from ..models.terrain import ground_at
 from .abstract import measure_planar
 from .custom import ask

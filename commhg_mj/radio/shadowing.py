@@ -7,6 +7,7 @@ positions, and both directions of a link see the same.
 
 import numpy as np
 
+from ..base.elementary import cos, sin
 from ..kernels import kernel
 
 N_WAVES = 64
@@ -19,9 +20,10 @@ def draw_waves(seed: int) -> np.ndarray:
     The magnitude k has the spectrum of an exponential correlation in the plane: P(k < K) = 1 - 1/√(1 + K²).
     """
     rng = np.random.default_rng([seed, STREAM])
-    k = np.sqrt((1.0 - rng.random(N_WAVES)) ** -2 - 1.0)
+    u = 1.0 - rng.random(N_WAVES)
+    k = np.sqrt(1.0 / (u * u) - 1.0)
     bearing, phase = rng.uniform(0, 2 * np.pi, (2, N_WAVES))
-    return np.stack([k * np.cos(bearing), k * np.sin(bearing), phase], axis=-1)
+    return np.stack([k * cos(bearing), k * sin(bearing), phase], axis=-1)
 
 
 @kernel
@@ -29,7 +31,7 @@ def field_at(waves, x, y):
     """The unit Gaussian field at a point, in correlation lengths."""
     total = 0.0
     for i in range(waves.shape[0]):
-        total += np.cos(waves[i, 0] * x + waves[i, 1] * y + waves[i, 2])
+        total += cos(waves[i, 0] * x + waves[i, 1] * y + waves[i, 2])
     return total * np.sqrt(2.0 / waves.shape[0])
 
 

@@ -176,3 +176,12 @@ def test_operators_are_judged_and_drawn_alike():
     only = torch.tensor([[False, True, False, False, False]])
     judged = judge_operators(rows[:1], only, torch.tensor([1]))
     assert not judged.is_free[0] and judged.log_prob[0] == 0 == judged.entropy[0]
+
+
+def test_what_differs_by_float32s_last_bits_alone_ties():
+    rng = np.random.default_rng(0)
+    logits = np.round(rng.normal(0, 2, (300, 5)), 1)
+    logits[:, 3] = logits[:, 1] = logits.max(axis=1)  # equal in exact arithmetic
+    noisy = [torch.from_numpy(logits + rng.normal(0, 1e-6, logits.shape)).float() for _ in range(2)]
+    picks = [choose_operators(each, np.ones(logits.shape, bool), None, True) for each in noisy]
+    assert np.array_equal(*picks) and not np.array_equal(*(each.argmax(dim=1) for each in noisy))

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.special import erfc, fresnel
 
+from commhg_mj.base import elementary
 from commhg_mj.radio import budget
 from commhg_mj.radio.rules import snr_of_delivery
 
@@ -50,7 +51,8 @@ def test_formulas_take_numbers_and_arrays_alike(name):
 
 
 def test_every_formula_is_tested_for_arrays():
-    assert set(FORMULAS) == {name for name, value in vars(budget).items() if hasattr(value, "match_signature")}
+    formulas = {name for name, value in vars(budget).items() if hasattr(value, "match_signature")}
+    assert set(FORMULAS) == formulas - set(vars(elementary))
 
 
 def test_free_space_loss_has_the_figures_of_p525():
