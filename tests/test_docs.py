@@ -10,6 +10,7 @@ ROOT = Path(__file__).parent.parent
 RULES = (ROOT / "docs/benchmark.md").read_text(encoding="utf-8")
 SOURCES = [*sorted((ROOT / "commhg_mj").rglob("*.py")), *sorted((ROOT / "examples").glob("*.py"))]
 CITED = re.compile(r"benchmark(?:\.md)?,\s+sections?\s+(\d+(?:(?:, | and )\d+)*)")
+PAGE = re.compile(r"(?<![}\w])[\w/.-]*\w\.md\b")  # a name in an f-string is no citation
 
 
 def cited_sections():
@@ -31,6 +32,17 @@ def test_the_sections_that_the_code_cites_are_there():
     cited = list(cited_sections())
     assert len({name for name, _ in cited}) >= 7
     assert [(name, number) for name, number in cited if number not in headings] == []
+
+
+def test_the_code_cites_pages_of_this_repository_alone():
+    """By their place from the root; `design: …` and a section of nothing lead nowhere."""
+    astray = []
+    for path in SOURCES:
+        text = path.read_text(encoding="utf-8")
+        found = [*re.findall(r"\bdesign[:,] .*", text), *re.findall(r"\(sections? \d.*", text)]
+        found += [page for page in PAGE.findall(text) if not (ROOT / page).exists()]
+        astray += [(str(path.relative_to(ROOT)), citation) for citation in found]
+    assert astray == []
 
 
 def test_every_field_is_in_the_tables_as_commhg_mj_scenarios_prints_it():
