@@ -126,7 +126,7 @@ class CommunicationRules:
 
 @dataclass(frozen=True)
 class RadioRules:
-    """The ray-cast link's budget, and the abstract link fitted to it (design: radio.md; formulas: radio/budget.py)."""
+    """The ray-cast link's budget, and the abstract link fitted to it (docs/radio.md; formulas: radio/budget.py)."""
 
     profile: str = _field(
         "matched", "", "D", "matched: capped range, clear links as the abstract ones; edge: 95 % at the range by SNR alone; "

@@ -19,7 +19,7 @@ from commhg_mj.radio.rules import LINK
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), *sorted((ROOT / "renders").glob("*.md"))]
+PAGES = sorted(page for folder in (".", "docs", "renders", "commhg_mj/learning/trained") for page in (ROOT / folder).glob("*.md"))
 COMMANDS = sorted({line.strip() for page in PAGES for line in re.findall(r"^ *commhg-mj .*$", page.read_text(), re.M)})
 
 
@@ -137,10 +137,20 @@ def test_every_command_is_shown():
     assert {line.split()[1] for line in COMMANDS} == {c.__name__.lower() for c in cli.Command.__args__}
 
 
+def anchors(page):
+    """What GitHub calls the headings of a page, but for repeated ones."""
+    headings = re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), re.M)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).strip().replace(" ", "-") for heading in headings}
+
+
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 def test_links_lead_somewhere(page):
-    for target in re.findall(r"\]\(([^)#]+)\)", page.read_text(encoding="utf-8")):
-        assert "://" in target or (page.parent / target).exists(), target
+    for target in re.findall(r"\]\(([^)\s]+)\)", page.read_text(encoding="utf-8")):
+        name, _, anchor = target.partition("#")
+        if "://" not in target:
+            there = page.parent / name if name else page
+            assert there.exists(), target
+            assert not anchor or anchor in anchors(there), target
 
 
 def test_files_named_in_the_readme_exist():

@@ -1,4 +1,4 @@
-"""Time-aware generalised advantage estimation over the seconds between an actor's own decisions (learning.md)."""
+"""Time-aware generalised advantage estimation over the seconds between an actor's own decisions (docs/learning.md)."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Local graphs: what one due actor knows, as features of nodes and edges (paper, section III-B; design: learning.md).
+"""Local graphs: what one due actor knows, as features of nodes and edges (paper, section III-B; docs/learning.md).
 
 Everything is scaled by the scenario's own side, limit and rules, so that one set of weights reads any scale. Edges are
 ragged: only released tasks that are not believed done, and peers that have been heard of. Unknown is a flag of its own.

@@ -1,4 +1,4 @@
-"""Operators: bids, handover, leases and fatigue (benchmark, section 5)."""
+"""Operators: bids, handover, leases and fatigue (docs/benchmark.md, section 5)."""
 
 from ..kernels import kernel
 from ..terms import NOBODY, Activity, Kind, Mode, Session

@@ -1,4 +1,4 @@
-"""Decisions take effect: the resolver, communication choices and supervision (benchmark, section 8)."""
+"""Decisions take effect: the resolver, communication choices and supervision (docs/benchmark.md, section 8)."""
 
 from typing import NamedTuple
 

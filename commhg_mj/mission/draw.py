@@ -114,7 +114,7 @@ def assign_first_targets(missions, targets):
 
 
 def initialize(state) -> None:
-    """The initializer: once, first targets by optimal assignment on public task information (section 8)."""
+    """The initializer: once, first targets by optimal assignment on public information (docs/benchmark.md, section 8)."""
     e, r = state.robots.shape
     utilities = np.empty((e, r, state.tasks.shape[1]))
     open_missions(state.missions, np.empty(utilities.shape[2], TASK_SEEN), utilities)

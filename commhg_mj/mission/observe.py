@@ -1,4 +1,4 @@
-"""Observations: what due actors can know, and the masks that follow from it (benchmark, section 10).
+"""Observations: what due actors can know, and the masks that follow from it (docs/benchmark.md, section 10).
 
 Own state, own resources, public attributes of released tasks, sensed tasks and records; nothing else.
 Unknown records have age UNKNOWN and zeros.

@@ -1,4 +1,4 @@
-"""What a reply to a query says: the operator's resources and at most one task tip (benchmark, section 6)."""
+"""What a reply to a query says: the operator's resources and at most one task tip (docs/benchmark.md, section 6)."""
 
 from ..base.elementary import distance
 from ..kernels import kernel

@@ -1,4 +1,4 @@
-"""How a mission went: the paper's metric and everything reported beside it (benchmark, section 9)."""
+"""How a mission went: the paper's metric and everything reported beside it (docs/benchmark.md, section 9)."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Robots at work: travel, arrival, service and its outcome (benchmark, sections 3 and 4)."""
+"""Robots at work: travel, arrival, service and its outcome (docs/benchmark.md, sections 3 and 4)."""
 
 from ..base.elementary import distance, exp
 from ..kernels import kernel

@@ -1,6 +1,6 @@
 """The state of a batch of missions: a few arrays of records, leading axis = missions.
 
-One record type a subject, so that a rule reads like its sentence in the design (`robot.task = task`) and
+One record type a subject, so that a rule reads like its sentence in docs/benchmark.md (`robot.task = task`) and
 one compiled kernel serves every team and map size. `state.robots["x"]` is an [missions, robots] view.
 Times are seconds since the mission's start; NEVER marks none. Counts and indices are 8-byte integers
 wherever kernels pass them on, so that each kernel is compiled once.

@@ -1,4 +1,4 @@
-"""Transport: queues, token buckets, packet fates and delivery (benchmark, section 6).
+"""Transport: queues, token buckets, packet fates and delivery (docs/benchmark.md, section 6).
 
 Every message ends in exactly one `Fate`. Stations' ends of links are numbered after the robots: operator
 h is address R + h, the station's shared table R + H.

@@ -1,4 +1,4 @@
-"""The fixed communication schedule of every method that does not learn to communicate (learning.md).
+"""The fixed communication schedule of every method that does not learn to communicate (docs/learning.md).
 
 Broadcast every ten seconds, telemetry as it falls due, no queries, and a request for assistance when a
 robot works on a hard task.

@@ -1,4 +1,4 @@
-"""The abstract planar link of the paper: range, then metres inside footprints (design: radio.md)."""
+"""The abstract planar link of the paper: range, then metres inside footprints (docs/radio.md)."""
 
 from ..base.elementary import distance, exp
 from ..kernels import kernel

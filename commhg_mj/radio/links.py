@@ -1,7 +1,7 @@
 """Every link model behind one interface: what share of packets passes, and when do they arrive?
 
 The mission asks only when a message is sent. Loss and delay over clear ground belong to the limitation
-level and are the same for every model, so that models differ by obstacles alone (design: radio.md).
+level and are the same for every model, so that models differ by obstacles alone (docs/radio.md).
 """
 
 from ..base.elementary import distance

@@ -1,4 +1,4 @@
-"""The ray-cast link: what stands between two radios in MuJoCo's world, then a link budget (design: radio.md)."""
+"""The ray-cast link: what stands between two radios in MuJoCo's world, then a link budget (docs/radio.md)."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""The calibration rules of the mission's defaults (design: benchmark.md), measured and judged."""
+"""The calibration rules of the mission's defaults (docs/calibration.md), measured and judged."""
 
 import dataclasses
 from collections.abc import Callable

@@ -1,6 +1,6 @@
 """The abstract-fit preset: decay lengths of the planar model, fitted to links that the ray-cast model labels.
 
-So a comparison can tell wrong parameters from the wrong, planar, structure (design: radio.md).
+So a comparison can tell wrong parameters from the wrong, planar, structure (docs/radio.md).
 """
 
 from typing import NamedTuple

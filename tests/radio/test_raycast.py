@@ -1,6 +1,7 @@
 """The ray-cast link on hand-made worlds, where geometry gives the answer, and what holds on every world."""
 
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -52,7 +53,7 @@ def random_links(layout, n, seed):
     return ends
 
 
-CANONICAL = {  # design, radio.md: forests, hills, ends, delivered share of the abstract and of the ray-cast model
+CANONICAL = {  # docs/radio.md: forests, hills, ends, delivered share of the abstract and of the ray-cast model
     "two UAVs over 100 m of forest": ([(500, 500, 50, 15)], [], (375, 500, 50), (625, 500, 50), 0.241, 0.950),
     "two UGVs with 100 m of forest between": ([(500, 500, 50, 15)], [], (400, 500, 1), (600, 500, 1), 0.241, 0.097),
     "the same with 30 m": ([(500, 500, 15, 15)], [], (400, 500, 1), (600, 500, 1), 0.630, 0.935),
@@ -79,13 +80,19 @@ def test_canonical_links_of_the_abstract_model(case):
 
 @every_case
 def test_canonical_links_of_the_ray_cast_model(case):
-    """The design's shares are averages over shadowing of 4 dB; without it all or nothing passes."""
+    """The shares are averages over shadowing of 4 dB; without it all or nothing passes."""
     forests, hills, a, b, _, raycast = CANONICAL[case]
     world = site(forests, hills)
     found = link(world, a, b)
     assert averaged(found) == pytest.approx(raycast, abs=0.008)
     assert delivery(found) == pytest.approx(0.95 if raycast > 0.5 else 0.0, abs=1e-3)
     assert link(world, b, a)["snr"] == pytest.approx(found["snr"], abs=1e-9)
+
+
+def test_the_page_on_radio_shows_these_links():
+    page = (Path(__file__).parents[2] / "docs/radio.md").read_text(encoding="utf-8")
+    for case, (*_, abstract, raycast) in CANONICAL.items():
+        assert f"| {case} | {abstract:.3f} | {0.95 if raycast > 0.5 else 0:.2f} | {raycast:.3f} |" in page
 
 
 def test_shadowing_averages_to_what_the_quadrature_says():

@@ -1,6 +1,6 @@
 """MAPPO: multilayer perceptrons on the best few of what a robot or an operator knows, and a central critic.
 
-Communication follows the fixed schedule (design: learning.md).
+Communication follows the fixed schedule (docs/learning.md).
 """
 
 import torch

@@ -1,4 +1,4 @@
-"""What changes when communication loss is grounded in geometry: the comparison of the link models (design: radio.md)."""
+"""What changes when communication loss is grounded in geometry: the comparison of the link models (docs/radio.md)."""
 
 from .run import compare, count_flights
 
