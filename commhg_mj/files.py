@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import secrets
 from pathlib import Path
 
 
@@ -10,18 +11,30 @@ def whole_file(out):
     """A path to write to in the folder of `out`, renamed to `out` at the end, removed after an error.
 
     Raises:
-      ValueError: `out` cannot be written, or is a folder itself; the message names it.
+      ValueError: `out` cannot be written, or is refused by `target_of`; the message names it.
     """
-    out = Path(out)
-    if out.is_dir():
-        raise ValueError(f"cannot write {out}: it is a folder")
-    part = out.with_name(f".{out.stem}.{os.getpid()}.part{out.suffix}")
+    target = target_of(out)
+    part = target.with_name(f".{secrets.token_hex(8)}.part{Path(out).suffix}")  # fits wherever the name of `out` does
     try:
         part.touch()
         yield part
-        os.replace(part, out)
+        os.replace(part, target)
     except OSError as error:
         raise ValueError(f"cannot write {out}: {error.strerror or error}") from None
     finally:
         with contextlib.suppress(OSError):
             part.unlink(missing_ok=True)
+
+
+def target_of(out) -> Path:
+    """The file that `out` names: a link leads to what is replaced, and stays.
+
+    Raises:
+      ValueError: it is a folder, a device, a pipe or the like, which a new file would destroy; the message names it.
+    """
+    target = os.path.realpath(out)
+    if os.path.isdir(target):
+        raise ValueError(f"cannot write {out}: it is a folder")
+    if os.path.lexists(target) and not os.path.isfile(target):
+        raise ValueError(f"cannot write {out}: it is no regular file")
+    return Path(target)

@@ -7,6 +7,7 @@ wherever it is read. So the picture is brought to PIXELS² pixels of 8 bits and 
 import base64
 import binascii
 import struct
+import zlib
 from functools import lru_cache
 from pathlib import Path
 
@@ -19,6 +20,8 @@ PLAIN = 0.02  # of white: darker ground is the plain
 HEADER = struct.Struct(">8s4x4sIIBB")  # of a PNG: signature, length, IHDR, width, height, bits, colour type
 GREY = 0  # PNG's colour type
 LUMA = np.array([114, 587, 299])  # weights of blue, green and red in brightness (ITU-R BT.601)
+SIGNATURE = b"\x89PNG\r\n\x1a\n"
+WORD = 4  # bytes: a PNG's chunk is its length, its kind, as many bytes, and a checksum of the kind and these
 
 
 def read_heightmap(path) -> str:
@@ -115,15 +118,30 @@ def _header(png, where):
     """(width, height, bits, colour type) of a PNG, before anything of it is decoded."""
     if len(png) >= HEADER.size:
         signature, kind, *facts = HEADER.unpack_from(png)
-        if signature == b"\x89PNG\r\n\x1a\n" and kind == b"IHDR":
+        if signature == SIGNATURE and kind == b"IHDR":
             return tuple(facts)
     raise ValueError(f"{where}: not a PNG picture")
 
 
 def _decode(png, where):
     """Pixels of a PNG [height, width(, channels)]."""
-    # A picture that was cut off has no end; OpenCV would say so on standard error.
-    picture = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_UNCHANGED) if b"IEND" in png[-64:] else None
+    whole = _up_to_end(png)
+    picture = cv2.imdecode(np.frombuffer(whole, np.uint8), cv2.IMREAD_UNCHANGED) if whole else None
     if picture is None:
         raise ValueError(f"{where}: a damaged PNG picture")
     return picture
+
+
+def _up_to_end(png) -> bytes:
+    """A PNG without what follows its end; nothing if it was cut off or bent, which OpenCV would tell on standard error."""
+    start = len(SIGNATURE)
+    while start < len(png):
+        end = start + 3 * WORD + int.from_bytes(png[start : start + WORD], "big")
+        content, checksum = png[start + WORD : end - WORD], png[end - WORD : end]
+        kind = content[:WORD]
+        if end > len(png) or (kind[:1].isupper() and zlib.crc32(content) != int.from_bytes(checksum, "big")):
+            break  # upper case: readers need this chunk
+        if kind == b"IEND":
+            return png[:end]
+        start = end
+    return b""

@@ -437,6 +437,47 @@ def test_a_reader_that_goes_away(tiny):
     assert process.returncode not in (0, 2)
 
 
+@pytest.mark.parametrize("words, code", [("scenarios small >&-", 0), ("scenarios none.toml >&- 2>&-", 2)])
+def test_closed_output(words, code):
+    done = subprocess.run(["sh", "-c", f"exec {sys.executable} -m commhg_mj.cli {words}"], capture_output=True)
+    assert (done.returncode, done.stdout, done.stderr) == (code, b"", b"")
+
+
+WRITERS = {  # commands that write one file
+    "run.mp4": "render TRACE --to 1 --size 64x64 --out run.mp4",
+    "moment.png": "render TRACE --at 1 --size 64x64 --out moment.png",
+    "what.png": "explain TRACE --robot uav0 --at 9 --out what.png",
+    "cases.png": "cases TRACE --out cases.png",
+    "scores.json": "evaluate --scenario TINY --policy random --missions 2 --workers 1 --out scores.json",
+    "link.png": "links --scenario TINY --from uav0 --to ugv1 --out link.png",
+    "cover.png": "coverage --scenario TINY --out cover.png",
+    "world.xml": "world --scenario TINY --out world.xml",
+    "world.png": "figure --scenario TINY --out world.png",
+    "tiny-random-0.npz": "run --scenario TINY --policy random --out .",
+}
+
+
+@pytest.mark.parametrize("out", WRITERS)
+def test_no_command_destroys_what_is_no_file(refused, trace, tiny, tmp_path, out):
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / out).symlink_to("pipe")
+    arguments = [{"TRACE": trace, "TINY": tiny}.get(word, word) for word in WRITERS[out].split()]
+    assert f"{out}: it is no regular file" in refused(*arguments)
+    (tmp_path / out).unlink()
+    os.mkfifo(tmp_path / out)
+    assert out in refused(*arguments)
+    assert (tmp_path / out).is_fifo() and (tmp_path / "pipe").is_fifo()
+
+
+@pytest.mark.parametrize("out", ["run.mp4", "moment.png", "scores.json", "link.png"])
+def test_commands_follow_links(run, trace, tiny, tmp_path, out):
+    (tmp_path / "real").write_bytes(b"old")
+    (tmp_path / out).symlink_to("real")
+    arguments = [{"TRACE": trace, "TINY": tiny}.get(word, word) for word in WRITERS[out].split()]
+    assert run(*arguments)[0] == 0
+    assert (tmp_path / out).is_symlink() and len((tmp_path / "real").read_bytes()) > 3
+
+
 @pytest.mark.slow
 def test_an_interrupt_stops_all_workers(tmp_path):
     """The whole process group gets it, as from a terminal; what is under way may end, nothing else begins."""

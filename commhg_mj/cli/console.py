@@ -8,6 +8,12 @@ from typing import Literal
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from ..files import target_of
+
+for name in ("stdout", "stderr"):
+    if getattr(sys, name) is None:  # the caller has closed it: what is printed there goes nowhere
+        setattr(sys, name, open(os.devnull, "w"))
+
 Limitation = Literal["nominal", "low", "high"]
 Profile = Literal["matched", "edge", "radio"]
 OUT = Console(width=None if sys.stdout.isatty() else 160)
@@ -45,9 +51,16 @@ def at_least(name, value, least):
 
 
 def check_png(out):
-    """Refuse a picture by any other ending."""
+    """Refuse a picture by any other ending, or where there can be none."""
     if out is not None and out.suffix.lower() != ".png":
         raise ValueError(f"--out {out}: the name must end in .png")
+    check_file(out)
+
+
+def check_file(out):
+    """Refuse before the work what `whole_file` would refuse after it."""
+    if out is not None:
+        target_of(out)
 
 
 def load_mujoco():

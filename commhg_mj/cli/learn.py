@@ -12,7 +12,7 @@ from ..mission.batch import check_seed
 from ..policies import POLICIES, ensure_compiled
 from ..radio import find_link_model
 from ..scenarios import load_scenario
-from .console import LOG, OUT, Limitation, at_least, make_folder, progress, say
+from .console import LOG, OUT, Limitation, at_least, check_file, make_folder, progress, say
 
 
 @dataclass(frozen=True)
@@ -146,6 +146,7 @@ class Evaluate:
     def __call__(self):
         from ..study.evaluate import evaluate, evaluation_tables, save_evaluation
 
+        check_file(self.out)
         scenario = load_scenario(self.scenario)
         find_link_model(self.links)
         at_least("missions", self.missions, 2)

@@ -8,7 +8,7 @@ from rich.table import Column, Table
 
 from ..mission.batch import check_seed
 from ..scenarios import SCENARIOS, describe, load_scenario
-from .console import OUT, load_mujoco, say, show
+from .console import OUT, check_file, load_mujoco, say, show
 
 
 @dataclass(frozen=True)
@@ -44,6 +44,7 @@ class World:
         from ..models.mjcf import write_world
         from ..models.world import make_world
 
+        check_file(self.out)
         check_seed(self.seed)
         write_world(make_world(load_scenario(self.scenario), self.seed), self.out)
         say(f"wrote {self.out}")

@@ -139,7 +139,8 @@ def choose_robots(logits: RobotLogits, graphs, rng, is_greedy: bool) -> RobotCho
         legal = np.concatenate([np.ones((n, 1), bool), graphs.query], axis=1)
         query = _best(logits.query, legal, noise, QUERY) - 1
     if logits.assist is not None:
-        assist = graphs.assist & (query == NOBODY) & (_coarse(logits.assist) + noise(each, ASSIST) - noise(each, ASSIST + 1) > 0.0)
+        wants = _coarse(logits.assist) + noise(each, ASSIST) - noise(each, ASSIST + 1) > 0.0
+        assist = graphs.assist & (query == NOBODY) & wants
     return RobotChoices(task, gate, query, assist)
 
 

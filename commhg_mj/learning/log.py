@@ -23,7 +23,7 @@ class Log:
     def __init__(self, folder, first: dict):
         self.path, kept = Path(folder) / LOG, []
         self.path.parent.mkdir(parents=True, exist_ok=True)
-        if self.path.exists():
+        if self.path.is_file():
             earlier = set(map(str, range(1, first["update"])))
             with open(self.path, newline="") as file:  # a row that was cut short lacks its last cells
                 kept = [row for row in csv.DictReader(file) if row.get("update") in earlier and None not in row.values()]

@@ -1,6 +1,7 @@
 """Files: H.264 in MP4 that browsers play, and PNG."""
 
 from fractions import Fraction
+from pathlib import Path
 
 import av
 import cv2
@@ -15,18 +16,25 @@ def to_yuv(picture):
 
 
 def write_mp4(path, pictures, size, fps):
-    """Encode pictures, as `to_yuv` makes them, in order."""
-    with av.open(str(path), "w", options={"movflags": "+faststart"}) as container:
-        stream = container.add_stream("libx264", rate=Fraction(fps).limit_denominator(1001), options=QUALITY)
-        stream.width, stream.height, stream.pix_fmt = *size, "yuv420p"
-        stream.codec_context.colorspace = BT601
-        stream.codec_context.thread_count = 1
-        for picture in pictures:
-            container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="yuv420p")))
-        container.mux(stream.encode())
+    """Encode pictures, as `to_yuv` makes them, in order.
+
+    Raises:
+      OSError: the video library cannot.
+    """
+    try:
+        # Without its protocol, a name that holds a colon is read as an address.
+        with av.open(f"file:{path}", "w", options={"movflags": "+faststart"}) as container:
+            stream = container.add_stream("libx264", rate=Fraction(fps).limit_denominator(1001), options=QUALITY)
+            stream.width, stream.height, stream.pix_fmt = *size, "yuv420p"
+            stream.codec_context.colorspace = BT601
+            stream.codec_context.thread_count = 1
+            for picture in pictures:
+                container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="yuv420p")))
+            container.mux(stream.encode())
+    except av.FFmpegError as error:
+        raise OSError(f"the video library says: {error.strerror}") from None
 
 
 def write_png(path, picture):
     """Write a picture [height, width, 3]."""
-    if not cv2.imwrite(str(path), picture):
-        raise OSError(f"OpenCV cannot write {path}")
+    Path(path).write_bytes(cv2.imencode(".png", picture)[1].tobytes())

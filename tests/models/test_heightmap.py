@@ -117,6 +117,25 @@ def test_bad_files_are_refused_by_field_and_file(tmp_path):
     refused(written(tmp_path / "metres.png", np.full((9, 9), 1200, np.uint16)), "brighter than the plain")
 
 
+def test_what_follows_a_pictures_end_does_not_count(tmp_path):
+    whole = written(tmp_path / "whole.png", np.rint(255 * rough()).astype(np.uint8)).read_bytes()
+    for name, tail in (("padded.png", bytes(100)), ("signed.png", b"a note, and IEND" * 99), ("twice.png", whole)):
+        (tmp_path / name).write_bytes(whole + tail)
+        assert read_heightmap(tmp_path / name) == read_heightmap(tmp_path / "whole.png")
+
+
+def test_a_damaged_picture_is_refused_in_our_words_alone(tmp_path, capfd):
+    whole = written(tmp_path / "whole.png", np.rint(255 * rough()).astype(np.uint8)).read_bytes()
+    for n in (33, 40, 2000, len(whole) - 12, len(whole) - 1):
+        (tmp_path / "cut.png").write_bytes(whole[:n])
+        refused(tmp_path / "cut.png", "damaged")
+        (tmp_path / "cut.png").write_bytes(whole[:n] + b"IEND")
+        refused(tmp_path / "cut.png", "damaged")
+    (tmp_path / "bent.png").write_bytes(whole[:2000] + b"????" + whole[2004:])
+    refused(tmp_path / "bent.png", "damaged")
+    assert capfd.readouterr() == ("", "")
+
+
 def test_a_huge_picture_is_refused_before_it_is_decoded(tmp_path, monkeypatch):
     bomb = bytearray(written(tmp_path / "bomb.png", np.full((9, 9), 255, np.uint8)).read_bytes())
     bomb[16:24] = (8001).to_bytes(4, "big") * 2

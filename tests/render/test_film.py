@@ -7,8 +7,8 @@ import pytest
 from synthetic import make_trace
 
 from commhg_mj.models.world import make_world
-from commhg_mj.render import overview_figure, render_image, render_video
-from commhg_mj.render.film import CHUNK, Film
+from commhg_mj.render import overview_figure, render_image, render_video, video
+from commhg_mj.render.film import CHUNK, Film, write_film
 from commhg_mj.render.hud import Hud
 from commhg_mj.render.moment import Timeline
 
@@ -19,22 +19,53 @@ def test_a_browser_plays_the_video(trace, tmp_path):
     out, calls = tmp_path / "mission.mp4", []
     render_video(trace, out, size=SIZE, stop=5.0, workers=1, progress=lambda done, total: calls.append((done, total)))
     assert calls == [(i, 7) for i in range(1, 8)]
-    with av.open(str(out)) as video:
-        stream = video.streams.video[0]
+    with av.open(str(out)) as film:
+        stream = film.streams.video[0]
         assert (stream.codec_context.name, stream.codec_context.pix_fmt) == ("h264", "yuv420p")
         assert (stream.width, stream.height, stream.average_rate) == (*SIZE, 24)
-        pictures = [frame.to_ndarray(format="bgr24") for frame in video.decode(stream)]
+        pictures = [frame.to_ndarray(format="bgr24") for frame in film.decode(stream)]
     assert len(pictures) == 7
     head = out.read_bytes()
     assert head.index(b"moov") < head.index(b"mdat"), "a browser wants the index first"
     assert [p.name for p in tmp_path.iterdir()] == ["mission.mp4"]
 
 
+def test_names_and_folders_that_look_like_addresses(trace, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a:b").mkdir()
+    render_video(trace, "clip-12:30.mp4", size=(64, 64), stop=0.0, workers=1)
+    for out in ("a:b/http:x.mp4", "50%d.mp4", "-.mp4"):
+        write_film(out, PlainFilm, [0.0], (64, 64), 24)
+    for out in ("clip-12:30.mp4", "a:b/http:x.mp4", "50%d.mp4", "-.mp4"):
+        with av.open(f"file:{out}") as film:
+            assert len(list(film.decode(video=0))) == 1
+
+
+class PlainFilm:
+    """Nothing but grey."""
+
+    def picture(self, time):
+        return np.full((64, 64, 3), 99, np.uint8)
+
+    def forget_labels(self):
+        """There are none."""
+
+    def close(self):
+        """There is nothing to close."""
+
+
+def test_what_the_video_library_refuses_is_one_line(tmp_path, monkeypatch):
+    monkeypatch.setitem(video.QUALITY, "preset", "none")
+    with pytest.raises(ValueError, match=f"cannot write {tmp_path}/a.mp4: the video library says: ") as error:
+        write_film(tmp_path / "a.mp4", PlainFilm, [0.0], (64, 64), 24)
+    assert "\n" not in str(error.value) and not list(tmp_path.iterdir())
+
+
 def test_video_and_picture_show_the_same(trace, tmp_path):
     render_video(trace, tmp_path / "a.mp4", size=SIZE, start=10.0, stop=10.0, workers=1)
     render_image(trace, tmp_path / "a.png", 10.0, "overview", SIZE)
-    with av.open(str(tmp_path / "a.mp4")) as video:
-        frame = next(video.decode(video=0)).to_ndarray(format="bgr24")
+    with av.open(str(tmp_path / "a.mp4")) as film:
+        frame = next(film.decode(video=0)).to_ndarray(format="bgr24")
     assert np.abs(frame.astype(int) - cv2.imread(str(tmp_path / "a.png"))).mean() < 6
 
 
