@@ -30,6 +30,7 @@ TYPE_COLOURS = {  # distinguishable with every kind of colour vision; robots wea
     TaskType.GENERAL: (0.95, 0.42, 0.80),
 }
 BEAM_ALPHA = 0.35
+RAY_MEMORY = 1 << 16  # B to compute in: MuJoCo takes 13 MB where nobody says so
 PAD_TOP = 0.05  # m at scale 1: the floor of station.xml
 
 
@@ -86,6 +87,7 @@ def build_spec(world: World, pictures: bool = True) -> mujoco.MjSpec:
 def build_obstacles(layout: Layout) -> mujoco.MjModel:
     """The compiled mountains and canopies alone, with the names and groups that they have in `build_model`."""
     spec = mujoco.MjSpec()
+    spec.memory = RAY_MEMORY
     _add_mountains(spec, layout, {})
     _add_canopies(spec, layout)
     return spec.compile()

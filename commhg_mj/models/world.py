@@ -1,5 +1,7 @@
 """A world: one layout with its points of interest and ground routes, all drawn from one seed."""
 
+import copy
+import weakref
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -43,13 +45,42 @@ class World:
         return find_path(self.routes, start, task)
 
 
-@lru_cache(maxsize=256)
 def make_world(scenario: Scenario, seed: int) -> World:
-    """Generate the world of a mission; the same arguments give the same world.
+    """The world of a mission; the same arguments give the same world.
 
     Raises:
       ValueError: the POIs or the station do not fit on the map (names the field).
     """
+    return kept_world(scenario, seed).hand_out()
+
+
+class KeptWorld:
+    """A drawn world, for whoever asks for it again.
+
+    Most missions come once: what their users build with the world, such as its ray model, goes with them. From the second
+    time on it stays.
+    """
+
+    def __init__(self, world: World):
+        self.world, self._first = world, None
+
+    def hand_out(self) -> World:
+        """One and the same object as long as somebody holds it."""
+        if self._first is None:
+            first = copy.copy(self.world)
+            self._first = weakref.ref(first)
+            return first
+        return self._first() or self.world
+
+
+@lru_cache(maxsize=256)
+def kept_world(scenario: Scenario, seed: int) -> KeptWorld:
+    """The place where `make_world` keeps a world, drawn when first asked for."""
+    return KeptWorld(draw_world(scenario, seed))
+
+
+def draw_world(scenario: Scenario, seed: int) -> World:
+    """A world drawn anew; errors as of `make_world`."""
     rng = np.random.default_rng([seed, STREAM])
     layout = draw_layout(scenario, rng)
     roadmap = Roadmap(layout.parts, scenario.world.ugv_radius, layout.side, layout.starts.mean(axis=0))

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..models.layout import draw_layout
 from ..models.mjcf import build_model
-from ..models.world import World, make_world
+from ..models.world import World, draw_world
 from ..pilots import prepare
 from ..radio.evaluate import WorldLinks
 from ..scenarios import SCENARIOS, Scenario
@@ -120,7 +120,7 @@ def world_rate(scenario, n_worlds=5) -> Speed:
     """Worlds generated, routed and compiled with everything for the eye, per CPU-second."""
     start = time.process_time()
     for seed in range(n_worlds):
-        build_model(make_world.__wrapped__(scenario, seed))
+        build_model(draw_world(scenario, seed))
     return Speed(f"{scenario.name}: worlds", n_worlds / (time.process_time() - start), "worlds/CPU-s")
 
 

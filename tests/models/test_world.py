@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from strategies import change, scenarios, seeds
 
 from commhg_mj.models.layout import inside_any, unit_frame
-from commhg_mj.models.world import make_world
+from commhg_mj.models.world import kept_world, make_world
 from commhg_mj.scenarios import SCENARIOS
 from commhg_mj.terms import TaskType
 
@@ -31,7 +31,7 @@ def test_pois_keep_their_distance_lie_on_the_map_and_are_reachable_where_they_mu
 def test_a_world_depends_on_scenario_and_seed_alone():
     scenario = SCENARIOS["small"]
     world = make_world(scenario, 3)
-    make_world.cache_clear()
+    kept_world.cache_clear()
     again, other = make_world(scenario, 3), make_world(scenario, 4)
     assert again is not world and again is make_world(scenario, 3)
     for name in ("pois", "poi_types"):
