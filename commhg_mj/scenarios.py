@@ -293,7 +293,7 @@ SCENARIOS = {  # deadlines grow with the way to go; fitted decays as `commhg-mj 
 
 
 def load_scenario(name) -> Scenario:
-    """A named scenario, a TOML file that overrides one, or a `Scenario` itself.
+    """A named scenario, a TOML file that overrides one, the table of such a file, or a `Scenario` itself.
 
     Raises:
       ValueError: unknown name, unreadable file, unknown or impossible field; the message names it.
@@ -302,6 +302,8 @@ def load_scenario(name) -> Scenario:
         return name
     if isinstance(name, str) and name in SCENARIOS:
         return SCENARIOS[name]
+    if isinstance(name, dict):
+        return from_dict(name)
     if not str(name).endswith(".toml"):
         raise ValueError(f"unknown scenario {str(name)!r}: use {', '.join(SCENARIOS)} or a .toml file")
     try:
