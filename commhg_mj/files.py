@@ -4,6 +4,8 @@ import contextlib
 import os
 from pathlib import Path
 
+_parts = set()  # under way in this process
+
 
 @contextlib.contextmanager
 def whole_file(out):
@@ -16,6 +18,7 @@ def whole_file(out):
     if out.is_dir():
         raise ValueError(f"cannot write {out}: it is a folder")
     part = out.with_name(f".{out.stem}.{os.getpid()}.part{out.suffix}")
+    _parts.add(part)
     try:
         part.touch()
         yield part
@@ -25,3 +28,11 @@ def whole_file(out):
     finally:
         with contextlib.suppress(OSError):
             part.unlink(missing_ok=True)
+        _parts.discard(part)
+
+
+def remove_parts() -> None:
+    """Remove what is half-written, for a process that is about to end on the spot."""
+    for part in list(_parts):
+        with contextlib.suppress(OSError):
+            part.unlink()

@@ -411,7 +411,8 @@ def test_missions_fly_and_their_traces_make_the_same_world_again(tmp_path, links
     again = load_trace(tmp_path / "a.npz")
     assert again.scenario == scenario
     first = batch.worlds[0]
-    worlds.kept_world.cache_clear(), relief.cover.cache_clear(), worlds.draw_layout.__globals__["_heightmap_mountains"].cache_clear()
+    worlds.kept_world.cache_clear(), relief.cover.cache_clear()
+    worlds.draw_layout.__globals__["_heightmap_mountains"].cache_clear()
     second = make_world(again.scenario, again.seed)
     assert second is not first and np.array_equal(second.layout.parts, first.layout.parts)
     assert np.array_equal(second.layout.surfaces, first.layout.surfaces) and np.array_equal(second.pois, first.pois)
