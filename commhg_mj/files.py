@@ -5,6 +5,8 @@ import os
 import secrets
 from pathlib import Path
 
+_parts = set()  # under way in this process
+
 
 @contextlib.contextmanager
 def whole_file(out):
@@ -15,6 +17,7 @@ def whole_file(out):
     """
     target = target_of(out)
     part = target.with_name(f".{secrets.token_hex(8)}.part{Path(out).suffix}")  # fits wherever the name of `out` does
+    _parts.add(part)
     try:
         part.touch()
         yield part
@@ -24,6 +27,7 @@ def whole_file(out):
     finally:
         with contextlib.suppress(OSError):
             part.unlink(missing_ok=True)
+        _parts.discard(part)
 
 
 def target_of(out) -> Path:
@@ -38,3 +42,10 @@ def target_of(out) -> Path:
     if os.path.lexists(target) and not os.path.isfile(target):
         raise ValueError(f"cannot write {out}: it is no regular file")
     return Path(target)
+
+
+def remove_parts() -> None:
+    """Remove what is half-written, for a process that is about to end on the spot."""
+    for part in list(_parts):
+        with contextlib.suppress(OSError):
+            part.unlink()

@@ -478,21 +478,33 @@ def test_commands_follow_links(run, trace, tiny, tmp_path, out):
     assert (tmp_path / out).is_symlink() and len((tmp_path / "real").read_bytes()) > 3
 
 
+@pytest.mark.parametrize("number, code, said", [(signal.SIGINT, 130, "interrupted\n"), (signal.SIGTERM, 143, "terminated\n")])
+def test_an_interrupt_and_a_termination_are_told_in_one_line(run, tiny, tmp_path, monkeypatch, number, code, said):
+    def fail(file, **arrays):
+        file.write(b"half")
+        signal.raise_signal(number)
+
+    monkeypatch.setattr("commhg_mj.mission.trace.np.savez_compressed", fail)
+    assert run("run", "--scenario", tiny, "--out", "runs") == (code, "", said)
+    assert not list((tmp_path / "runs").iterdir())
+
+
 @pytest.mark.slow
-def test_an_interrupt_stops_all_workers(tmp_path):
-    """The whole process group gets it, as from a terminal; what is under way may end, nothing else begins."""
+@pytest.mark.parametrize("number, code, said", [(signal.SIGINT, 130, b"interrupted\n"), (signal.SIGTERM, 143, b"terminated\n")])
+def test_an_interrupt_stops_all_workers(tmp_path, number, code, said):
+    """The whole process group gets it, as from a terminal; what is under way ends there and then."""
     command = [sys.executable, "-m", "commhg_mj.cli", "run", "--scenario", "small", "--missions", "5000"]
     command += ["--workers", "2", "--out", str(tmp_path)]
     with subprocess.Popen(command, start_new_session=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         try:
             while not list(tmp_path.glob("*.npz")) and process.poll() is None:
                 signal.sigtimedwait([], 0.1)
-            os.killpg(process.pid, signal.SIGINT)
+            os.killpg(process.pid, number)
             out, err = process.communicate(timeout=60)  # all missions would take many minutes
         except subprocess.TimeoutExpired:
             os.killpg(process.pid, signal.SIGKILL)
             raise
-    assert (process.returncode, out, err) == (130, b"", b"interrupted\n")
+    assert (process.returncode, out, err) == (code, b"", said)
     assert all(zipfile.is_zipfile(path) for path in tmp_path.iterdir())
 
 

@@ -8,6 +8,7 @@ import sys
 
 import tyro
 
+from ..processes import Terminated, interruptible
 from .console import LOG, say
 from .explain import Cases, Explain
 from .learn import Evaluate, Publish, Train
@@ -23,11 +24,11 @@ Command = (
 
 
 def main(arguments=None) -> int:
-    """Run one command; the exit code is 2 for bad input."""
-    command = tyro.cli(Command, prog="commhg-mj", description=__doc__.splitlines()[0], args=arguments)
+    """Run one command; the exit code is 2 for bad input, 130 after an interrupt, 143 after SIGTERM."""
     try:
-        command()
-        sys.stdout.flush()
+        with interruptible():
+            tyro.cli(Command, prog="commhg-mj", description=__doc__.splitlines()[0], args=arguments)()
+            sys.stdout.flush()
     except BrokenPipeError:  # the reader of our output, such as head, has gone
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
@@ -36,5 +37,5 @@ def main(arguments=None) -> int:
         return 2
     except KeyboardInterrupt as interrupt:
         say(str(interrupt) or "interrupted", LOG)
-        return 130
+        return 143 if isinstance(interrupt, Terminated) else 130
     return 0

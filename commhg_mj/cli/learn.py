@@ -71,10 +71,11 @@ class Train:
             with crew_of(plan.workers, follow, plan, self.out, seconds, self.device) as crew:
                 for training in trainings(plan, self.out, crew, self.device):
                     self._run(training, seconds)
-        except KeyboardInterrupt:
+        except KeyboardInterrupt as interrupt:
             again = f"commhg-mj train --resume --out {shlex.quote(str(self.out))}"
             again += f" --device {self.device}" if self.device != "cpu" else ""
-            raise KeyboardInterrupt(f"interrupted; to go on from the last whole update: {again}") from None
+            what = str(interrupt) or "interrupted"
+            raise type(interrupt)(f"{what}; to go on from the last whole update: {again}") from None
 
     def _begin(self):
         """The plan of a new run, whose folder is made once everything else is known to be right."""

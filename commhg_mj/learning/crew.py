@@ -1,18 +1,19 @@
 """Processes that train one policy together: each flies missions of its own, and all learn by the mean of their gradients."""
 
 import os
-import signal
 import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from multiprocessing import get_context, parent_process, resource_tracker
+from multiprocessing import parent_process
 from pathlib import Path
 
 import torch
 from torch import Tensor, distributed
 from torch.distributed import ReduceOp
+
+from ..processes import Worker, end, end_with_parent
 
 
 class WorkerEnded(RuntimeError):
@@ -81,10 +82,8 @@ def crew_of(size: int, work: Callable, *arguments) -> Iterator[Crew]:
         yield ALONE
         return
     with tempfile.TemporaryDirectory() as folder:
-        folder, context = Path(folder), get_context("spawn")
-        others = [
-            context.Process(target=_join, args=(folder, rank, size, work, arguments), daemon=True) for rank in range(1, size)
-        ]
+        folder = Path(folder)
+        others = [Worker(target=_join, args=(folder, rank, size, work, arguments), daemon=True) for rank in range(1, size)]
         try:
             _start(others, folder)
             with _meet(folder, 0, size) as crew:
@@ -96,21 +95,13 @@ def crew_of(size: int, work: Callable, *arguments) -> Iterator[Crew]:
             if codes:
                 raise WorkerEnded(f"{ENDED} (exit code {codes[0]})")
         finally:
-            for other in others:
-                if other.pid:
-                    other.terminate()
-                    other.join()
+            end(others)
 
 
 def _start(others, folder):
     """Start processes and wait until all stand at the door: the meeting itself can be neither interrupted nor given up."""
-    resource_tracker.ensure_running()  # started by the first of them, it would lift the block
-    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # they inherit it: an interrupt is this process's to handle
-    try:
-        for other in others:
-            other.start()
-    finally:
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+    for other in others:
+        other.start()
     while not all(_door(folder, rank).exists() for rank in range(1, len(others) + 1)):
         if any(other.exitcode is not None for other in others):
             raise WorkerEnded(ENDED)
@@ -134,6 +125,7 @@ def _meet(folder, rank, size):
 
 
 def _join(folder, rank, size, work, arguments):
+    end_with_parent()
     _door(folder, rank).touch()
     # What ends all of them alike is the first one's to tell.
     with suppress(WorkerEnded, FloatingPointError, ValueError), _meet(folder, rank, size) as crew:

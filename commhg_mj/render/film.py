@@ -1,10 +1,7 @@
 """Videos and pictures of a trace, or of two side by side."""
 
-import multiprocessing
-import signal
 from collections import deque
 from collections.abc import Iterable
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import closing
 from functools import partial
 from numbers import Integral
@@ -15,6 +12,7 @@ import numpy as np
 
 from ..files import whole_file
 from ..models.world import make_world
+from ..processes import pool_of
 from .cameras import check_camera
 from .canvas import Canvas
 from .divergence import check_same_mission
@@ -78,8 +76,7 @@ def write_film(out, make_film, times, size, fps, workers=1, progress=None):
       size: (width, height) of the pictures.
     """
     chunks = [times[i : i + CHUNK] for i in range(0, len(times), CHUNK)]
-    with whole_file(out) as part:
-        pictures = _in_order(make_film, chunks, workers)
+    with whole_file(out) as part, closing(_in_order(make_film, chunks, workers)) as pictures:
         write_mp4(part, _counted(pictures, len(times), progress), size, fps)
 
 
@@ -151,8 +148,6 @@ _film = None  # this worker's, and how to make it
 def _start_worker(make_film):
     global _film
     _film = make_film
-    # An interrupt is the main process's to handle.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _work(times):
@@ -170,15 +165,12 @@ def _in_order(make_film, chunks, workers):
             for chunk in chunks:
                 yield from _make_chunk(film, chunk)
         return
-    pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), _start_worker, (make_film,))
-    try:
+    with pool_of(workers, _start_worker, (make_film,)) as pool:
         ahead, waiting = deque(), deque(chunks)
         while ahead or waiting:
             while waiting and len(ahead) <= workers:
                 ahead.append(pool.submit(_work, waiting.popleft()))
             yield from ahead.popleft().result()
-    finally:
-        pool.shutdown(cancel_futures=True)
 
 
 def _counted(pictures, total, progress):

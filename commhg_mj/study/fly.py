@@ -1,9 +1,7 @@
 """Flying many missions with one policy, in one process or several; results do not depend on which."""
 
-import signal
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from multiprocessing import get_context
+from concurrent.futures import as_completed
 from pathlib import Path
 
 from ..files import target_of
@@ -11,6 +9,7 @@ from ..mission.score import Score
 from ..mission.trace import load_head, make_traces, save_trace
 from ..pilots import conditions_of, label_of, prepare
 from ..policies import POLICIES, ensure_compiled
+from ..processes import pool_of
 from ..scenarios import Scenario
 
 DEFAULTS = ("abstract", "matched", "nominal")
@@ -94,15 +93,11 @@ def spread(work: Callable, jobs: list[tuple], workers=1, done: Callable = lambda
             done(results[-1])
         return results
     ensure_compiled(POLICIES.values())
-    # An interrupt is this process's to handle; the others finish their chunk.
-    pool = ProcessPoolExecutor(workers, get_context("spawn"), signal.signal, (signal.SIGINT, signal.SIG_IGN))
-    try:
+    with pool_of(workers) as pool:
         futures = [pool.submit(work, *job) for job in jobs]
         for future in as_completed(futures):
             done(future.result())
-        return [future.result() for future in futures]
-    finally:
-        pool.shutdown(cancel_futures=True)
+    return [future.result() for future in futures]
 
 
 def fly_to_end(policy, scenario, seeds, links="abstract", limitation="nominal", record=False):
