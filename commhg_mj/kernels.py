@@ -1,16 +1,21 @@
 """One decorator for every compiled kernel, and the rules of its on-disk cache.
 
 numba notices an edited file only for the functions defined in it, not for their callers elsewhere. So
-the cache folder carries a hash of every kernel's source: an edited kernel is never served stale.
+the cache folder carries a hash of every kernel's source: an edited kernel is never served stale. What is damaged there is
+compiled anew.
 """
 
+import contextlib
 import hashlib
 import os
+import sys
 import tempfile
+from functools import cache
 from pathlib import Path
 
 import numba
 import numpy as np
+from numba.core.caching import FunctionCache
 
 PACKAGE = Path(__file__).parent
 ROOMS = ("base", "models", "radio", "mission", "policies", "tasks", "learning")  # where kernels live
@@ -52,9 +57,42 @@ CACHE_DIR = _cache_dir()
 COMPILED = CACHE_DIR / f"compiled-{_installation()}"  # left behind once every kernel has been compiled
 numba.config.CACHE_DIR = str(CACHE_DIR)
 
-kernel = numba.njit(cache=True, nogil=True, error_model="numpy")
-reduction = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})  # long sums, any order
-formula = numba.vectorize(cache=True)  # of numbers inside kernels, of arrays outside
+
+class KernelCache(FunctionCache):
+    """numba's own takes a damaged file for an error of its caller."""
+
+    def load_overload(self, sig, target_context):
+        try:
+            return super().load_overload(sig, target_context)
+        except Exception:  # unpickling raises whatever it meets
+            _tell_damage(numba.config.CACHE_DIR)
+            with contextlib.suppress(OSError):
+                self.flush()
+            return None
+
+
+@cache
+def _tell_damage(folder):
+    print(f"damaged kernels in {folder}: compiling them anew", file=sys.stderr, flush=True)
+
+
+def _kept(compile):
+    """A decorator of numba's that keeps what it compiles in a `KernelCache`."""
+
+    def keep(function):
+        compiled = compile(function)
+        if isinstance(compiled, numba.np.ufunc.dufunc.DUFunc):
+            compiled._dispatcher.cache = KernelCache(function)
+        else:
+            compiled._cache = KernelCache(function)
+        return compiled
+
+    return keep
+
+
+kernel = _kept(numba.njit(nogil=True, error_model="numpy"))
+reduction = _kept(numba.njit(nogil=True, error_model="numpy", fastmath={"reassoc", "contract"}))  # long sums, any order
+formula = _kept(numba.vectorize())  # of numbers inside kernels, of arrays outside
 
 
 def record(**fields) -> np.dtype:

@@ -1,7 +1,9 @@
 """The kernels' cache: an edited kernel is never served stale, and there is always somewhere to write."""
 
 import ast
+import importlib.util
 import os
+import pickle
 import pwd
 import shutil
 import subprocess
@@ -151,3 +153,56 @@ def test_numba_writes_into_that_folder():
     code = "import numba, commhg_mj.mission.tick as t; from commhg_mj.kernels import CACHE_DIR as c; "
     code += "assert t.advance._cache.cache_path.startswith(str(c)), t.advance._cache.cache_path"
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def load_kernels(folder, monkeypatch):
+    """A kernel and a formula of a file, as another process would find them on disk: their values, and the cache's files."""
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(folder / "cache"))
+    source = folder / "some_kernels.py"
+    if not source.exists():
+        source.write_text(
+            "from commhg_mj.kernels import formula, kernel\n\n\n@kernel\ndef twice(x):\n    return 2.0 * x\n\n\n"
+            "@formula\ndef thrice(x):\n    return 3.0 * x\n"
+        )
+    spec = importlib.util.spec_from_file_location("some_kernels", source)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module.twice(4.0), module.thrice(4.0), module.twice.stats.cache_hits
+
+
+def truncate(path):
+    path.write_bytes(path.read_bytes()[:-9])
+
+
+DAMAGES = {
+    "empty": lambda path: path.write_bytes(b""), "truncated": truncate, "garbage": lambda path: path.write_bytes(b"\x80nonsense"),
+    "another pickle": lambda path: path.write_bytes(pickle.dumps((1, 2, 3))),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("ending", ["nbi", "nbc"])
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_damaged_files_are_told_in_one_line_and_compiled_anew(tmp_path, monkeypatch, capsys, ending, damage):
+    assert load_kernels(tmp_path, monkeypatch) == (8.0, 12.0, {})
+    paths = list(tmp_path.rglob(f"*.{ending}"))
+    assert len(paths) == 2
+    for path in paths:
+        DAMAGES[damage](path)
+    is_another_version = (ending, damage) == ("nbi", "another pickle")  # to numba that is no damage
+    assert load_kernels(tmp_path, monkeypatch) == (8.0, 12.0, {})
+    err = capsys.readouterr().err
+    assert err == "" if is_another_version else err.count("\n") == 1 and str(tmp_path) in err
+    value, other, hits = load_kernels(tmp_path, monkeypatch)
+    assert (value, other, sum(hits.values()), capsys.readouterr().err) == (8.0, 12.0, 1, "")
+
+
+def test_an_unreadable_file_is_damaged_too(tmp_path, monkeypatch, capsys):
+    load_kernels(tmp_path, monkeypatch)
+
+    def fail(*arguments):
+        raise PermissionError(13, "Permission denied")
+
+    with monkeypatch.context() as broken:
+        broken.setattr("numba.core.caching.IndexDataCacheFile.load", fail)
+        assert load_kernels(tmp_path, monkeypatch)[:2] == (8.0, 12.0)
+    assert capsys.readouterr().err.count("\n") == 1
