@@ -1,5 +1,6 @@
 """Policies by name: the references, trained methods that come with the package, and files of weights."""
 
+import hashlib
 import os
 from functools import lru_cache, partial
 from pathlib import Path
@@ -12,6 +13,7 @@ from .scenarios import SCENARIOS, Scenario, load_scenario
 
 WEIGHTS = Path(__file__).parent / "learning" / "trained"  # <method>-<scenario>.safetensors
 ENDING = ".safetensors"
+DIGITS = 8  # of the checksum that tells weights of one name apart
 VARIANTS = ("no-query", "random-gates")  # learning/policy.py's, named here so that torch is loaded by need alone
 
 
@@ -46,10 +48,16 @@ def trained_methods() -> list[str]:
 
 
 def label_of(name: str) -> str:
-    """What a policy is called in titles and names of files: weights by the run that they lie in."""
+    """What a policy is called in titles and names of files: weights by the run that they lie in, and their content.
+
+    Raises:
+      ValueError: a file of weights cannot be read; the message names it.
+    """
     base, variant = split_variant(name)
     path, lacking = Path(base), f"+{variant}" if variant else ""
-    return (path.parent.name or path.stem if base.endswith(ENDING) else base) + lacking
+    if base.endswith(ENDING):
+        base = f"{path.parent.name or path.stem}-{_digest_version(base, _version(base))}"
+    return base + lacking
 
 
 def prepare(name: str, scenario, seeds, links="abstract", limitation="nominal", record=False):
@@ -57,10 +65,14 @@ def prepare(name: str, scenario, seeds, links="abstract", limitation="nominal", 
     info, scenario = find_policy(name), load_scenario(scenario)
     find_link_model(links)
     ensure_compiled(POLICIES.values())
-    if info.is_privileged:
-        scenario, links = every_second(scenario), "perfect"
+    scenario, links = conditions_of(name, scenario, links)
     batch = MissionBatch(scenario, seeds, links, limitation, record)
     return batch, info.make(batch)
+
+
+def conditions_of(name: str, scenario: Scenario, links: str) -> tuple[Scenario, str]:
+    """(scenario, links) that a policy flies under when these are asked for."""
+    return (every_second(scenario), "perfect") if find_policy(name).is_privileged else (scenario, links)
 
 
 def weights_for(method: str, scenario: Scenario) -> Path:
@@ -85,8 +97,13 @@ def _fly_weights(path, variant, batch):
 
 def _load(path):
     """The method of a file of weights, read anew once the file is another."""
+    return _load_version(path, _version(path))
+
+
+def _version(path):
+    """Differs once a file is written anew."""
     stat = os.stat(path) if os.path.exists(path) else None
-    return _load_version(path, stat and (stat.st_mtime_ns, stat.st_size))
+    return stat and (stat.st_mtime_ns, stat.st_size)
 
 
 @lru_cache(maxsize=16)
@@ -97,3 +114,12 @@ def _load_version(path, version):
 
     torch.set_num_threads(1)  # processes fly side by side, and the networks are small
     return load_weights(path)[0]
+
+
+@lru_cache(maxsize=16)
+def _digest_version(path, version):
+    """The first digits of a checksum of a file."""
+    try:
+        return hashlib.sha256(Path(path).read_bytes()).hexdigest()[:DIGITS]
+    except OSError as error:
+        raise ValueError(f"weights {path}: {error.strerror}") from None

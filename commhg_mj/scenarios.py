@@ -17,7 +17,9 @@ from .heightmap import brightness, read_heightmap
 
 LIMITATIONS = ("nominal", "low", "high")
 PROFILES = ("matched", "edge", "radio")  # calibrations of the ray-cast link
-NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")  # names of scenarios go into names of files
+LONGEST_NAME = 64
+NAME = re.compile(rf"[A-Za-z0-9][A-Za-z0-9._-]{{0,{LONGEST_NAME - 1}}}")  # names of scenarios go into names of files
+UNNAMEABLE = re.compile(r"[^A-Za-z0-9._-]+")
 
 
 def _field(default, unit, mark, doc, low=None, high=None, choices=()):
@@ -291,7 +293,7 @@ SCENARIOS = {  # deadlines grow with the way to go; fitted decays as `commhg-mj 
 
 
 def load_scenario(name) -> Scenario:
-    """A named scenario, a TOML file that overrides one, or a `Scenario` itself.
+    """A named scenario, a TOML file that overrides one, the table of such a file, or a `Scenario` itself.
 
     Raises:
       ValueError: unknown name, unreadable file, unknown or impossible field; the message names it.
@@ -300,6 +302,8 @@ def load_scenario(name) -> Scenario:
         return name
     if isinstance(name, str) and name in SCENARIOS:
         return SCENARIOS[name]
+    if isinstance(name, dict):
+        return from_dict(name)
     if not str(name).endswith(".toml"):
         raise ValueError(f"unknown scenario {str(name)!r}: use {', '.join(SCENARIOS)} or a .toml file")
     try:
@@ -307,9 +311,18 @@ def load_scenario(name) -> Scenario:
     except (OSError, ValueError, RecursionError) as error:
         raise ValueError(f"scenario file {name}: {error}") from None
     try:
-        return from_dict(_with_pictures(table, Path(name).parent))
+        scenario = from_dict(_with_pictures(table, Path(name).parent))
     except ValueError as error:
         raise ValueError(f"scenario file {name}: {error}") from None
+    if "name" in table or scenario in SCENARIOS.values():
+        return scenario
+    return dataclasses.replace(scenario, name=_name_after(Path(name)))
+
+
+def _name_after(path) -> str:
+    """A name of its own for the scenario of a file that gives it none."""
+    stem = UNNAMEABLE.sub("-", path.stem).lstrip("-._")[:LONGEST_NAME] or "unnamed"
+    return f"{stem}.toml" if stem in SCENARIOS else stem
 
 
 def _with_pictures(table, folder):

@@ -36,7 +36,7 @@ class Run:
     workers: int = 1
     """processes"""
     out: Path | None = None
-    """folder that gets one trace a mission"""
+    """folder that gets one trace a mission; it replaces none of another scenario or policy"""
     video: bool = False
     """also render the first mission (into --out, by default the folder runs)"""
     json: bool = False

@@ -5,6 +5,7 @@ file is refused by name.
 """
 
 import dataclasses
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +21,7 @@ from .score import twcr
 
 FORMAT = 1
 MAGIC = "commhg_mj trace"
+HEAD = ("scenario", "seed", "policy", "links", "limitation")  # which mission it is
 TABLES = ("belief", "peer", "resource")  # records sampled every `link_period` s, columns as in mission/state.py
 TASK_FIELDS = {  # column of the trace: field of the simulator's state
     "type": "announced", "changed_to": "type", "changed_at": "changed_at", "difficulty": "difficulty", "value": "value",
@@ -157,7 +159,7 @@ def save_trace(trace: Trace, path) -> None:
     Raises:
       ValueError: the file cannot be written; the message names it.
     """
-    head = {name: getattr(trace, name) for name in ("seed", "policy", "links", "limitation")}
+    head = {name: getattr(trace, name) for name in HEAD}
     head |= {"magic": MAGIC, "format": FORMAT, "scenario": to_json(trace.scenario)}
     arrays = {name: getattr(trace, name) for name in ARRAYS}
     arrays |= {f"record_{name}": column for name, column in trace.records.items()}
@@ -171,9 +173,31 @@ def load_trace(path) -> Trace:
     Raises:
       ValueError: no such file, damaged, not a trace, or of another format; the message names the file.
     """
+    found = _read(path)
+    try:
+        find_link_model(str(found.get("links")))
+    except ValueError as error:  # no damage: another process may have registered it
+        raise ValueError(f"{path}: {error}") from None
+    with _naming(path):
+        return _assemble(found)
+
+
+def load_head(path) -> dict:
+    """Which mission a trace is of, by the names of HEAD; its arrays are not read.
+
+    Raises:
+      ValueError: as `load_trace`.
+    """
+    found = _read(path, HEAD)
+    with _naming(path):
+        return {name: found[name].item() for name in HEAD} | {"scenario": from_json(str(found["scenario"]))}
+
+
+def _read(path, names=None) -> dict:
+    """Everything in a trace of this format, or what bears some names."""
     try:
         with np.load(path, allow_pickle=False) as file:
-            found = {name: file[name] for name in file.files}
+            found = {name: file[name] for name in file.files if names is None or name in ("magic", "format", *names)}
     except OSError as error:
         raise ValueError(f"cannot read trace {path}: {error.strerror or error}") from None
     except Exception as error:  # whatever zipfile, zlib and numpy say of bytes that are no archive
@@ -182,12 +206,13 @@ def load_trace(path) -> Trace:
         raise ValueError(f"{path} is not a commhg_mj trace")
     if str(found.get("format")) != str(FORMAT):
         raise ValueError(f"{path} is a trace of format {found.get('format')}; this version reads format {FORMAT}")
+    return found
+
+
+@contextmanager
+def _naming(path):
     try:
-        find_link_model(str(found.get("links")))
-    except ValueError as error:  # no damage: another process may have registered it
-        raise ValueError(f"{path}: {error}") from None
-    try:
-        return _assemble(found)
+        yield
     except (KeyError, TypeError, AttributeError, RecursionError, ValueError) as error:
         raise ValueError(f"{path} is damaged: {error}") from None
 

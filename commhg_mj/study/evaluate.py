@@ -27,16 +27,17 @@ def compare_scores(flights: dict) -> list[dict]:
     first = next(iter(twcr.values()))
     return [
         {
-            "policy": marked_label(policy), "twcr": mean_interval(each), "iqm": middle_interval(each),
-            "difference": mean_interval(each - first),
+            "policy": name, "twcr": mean_interval(each), "iqm": middle_interval(each), "difference": mean_interval(each - first),
         }
-        for policy, each in twcr.items()
+        for name, each in zip(table_names(twcr), twcr.values())
     ]  # fmt: skip
 
 
-def marked_label(policy) -> str:
-    """What tables call a policy."""
-    return label_of(policy) + (" (privileged)" if find_policy(policy).is_privileged else "")
+def table_names(policies) -> list[str]:
+    """What tables call policies: their labels, marked; one weights file and its copy elsewhere go by their paths."""
+    labels = [label_of(policy) for policy in policies]
+    names = [label if labels.count(label) == 1 else policy for label, policy in zip(labels, policies)]
+    return [name + " (privileged)" * find_policy(policy).is_privileged for name, policy in zip(names, policies)]
 
 
 def evaluation_tables(title, flights: dict) -> Group:

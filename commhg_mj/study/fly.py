@@ -6,9 +6,10 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
 from pathlib import Path
 
+from ..files import target_of
 from ..mission.score import Score
-from ..mission.trace import make_traces, save_trace
-from ..pilots import label_of, prepare
+from ..mission.trace import load_head, make_traces, save_trace
+from ..pilots import conditions_of, label_of, prepare
 from ..policies import POLICIES, ensure_compiled
 from ..scenarios import Scenario
 
@@ -23,6 +24,23 @@ def trace_path(folder, scenario: Scenario, policy: str, links: str, limitation: 
     return Path(folder) / ("-".join([scenario.name, label_of(policy), *conditions, str(seed)]) + ".npz")
 
 
+def check_traces(folder, scenario: Scenario, policy: str, links: str, limitation: str, seeds) -> None:
+    """Traces may be replaced by others of the same missions, and by nothing else.
+
+    Raises:
+      ValueError: another mission, or no trace at all, lies where one is to go; the message names it.
+    """
+    flown_in, flown_by = conditions_of(policy, scenario, links)
+    ours = {"scenario": flown_in, "policy": label_of(policy), "links": flown_by, "limitation": limitation}
+    for seed in seeds:
+        path = trace_path(folder, scenario, policy, links, limitation, seed)
+        if target_of(path).exists():
+            held = load_head(path)
+            other = [name for name, value in {**ours, "seed": seed}.items() if held[name] != value]
+            if other:
+                raise ValueError(f"{path} is of another {' and '.join(other)}: choose another folder, or remove it")
+
+
 def fly(
     scenario: Scenario, policy: str, seeds, links="abstract", limitation="nominal", out=None, workers=1,
     advance: Callable[[int], None] = lambda missions: None,
@@ -30,7 +48,7 @@ def fly(
     """Fly one mission a seed.
 
     Args:
-      out: folder that gets a trace a mission, or None.
+      out: folder that gets a trace a mission, or None; another mission's trace there is refused before anything flies.
       workers: processes; 1 flies in this one.
       advance: told how many missions have just ended, now and then.
 
@@ -40,6 +58,9 @@ def fly(
     Raises:
       ValueError: an argument is impossible; the message names it.
     """
+    seeds = list(seeds)
+    if out is not None:
+        check_traces(out, scenario, policy, links, limitation, seeds)
     jobs = [(scenario, policy, chunk, links, limitation, out) for chunk in chunks_of(seeds)]
     results = spread(_fly_chunk, jobs, workers, lambda scores: advance(len(scores)))
     return [score for chunk in results for score in chunk]

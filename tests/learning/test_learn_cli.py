@@ -71,7 +71,8 @@ def test_train_then_evaluate(run, tiny, tmp_path, method):
         "evaluate", "--policy", "greedy", weights, "--scenario", tiny, "--missions", 4, "--workers", 1, "--out", "e.json"
     )  # fmt: skip
     assert code == 0 and "held-out" in out and "minus greedy" in out
-    assert any(line.split()[:1] == ["r"] for line in out.replace("│", " ").splitlines()), "weights go by their run's name"
+    labels = [line.split()[0] for line in out.replace("│", " ").splitlines() if line.split()]
+    assert any(label.startswith("r-") for label in labels), "weights go by their run's name"
     stored = json.loads((tmp_path / "e.json").read_text())
     assert set(stored["twcr"]) == {"greedy", weights} and all(len(column) == 4 for column in stored["twcr"].values())
     assert all(np.isfinite(column).all() for column in stored["twcr"].values())

@@ -16,6 +16,7 @@ from commhg_mj.mission.batch import MissionBatch, stay
 from commhg_mj.mission.decide import Decisions
 from commhg_mj.policies.schedule import follow_schedule
 from commhg_mj.scenarios import SCENARIOS
+from commhg_mj.study.evaluate import table_names
 from commhg_mj.study.fly import fly as fly_missions
 
 every_method = pytest.mark.parametrize("name", NAMES)
@@ -59,7 +60,7 @@ def test_a_method_learns_is_saved_found_and_flies(name, tmp_path):
     assert still == [], "parameters without a gradient"
     path = str(tmp_path / "weights.safetensors")
     info = pilots.find_policy(path)
-    assert not info.is_privileged and pilots.label_of(path) == tmp_path.name
+    assert not info.is_privileged and pilots.label_of(path).startswith(f"{tmp_path.name}-")
     scores = fly_missions(SHORT, path, range(3))
     assert all(0 <= score.twcr <= 1 for score in scores)
     sent = scores[0].messages
@@ -182,13 +183,29 @@ def test_a_trained_method_may_lack_something(tmp_path):
     sent = lambda scores, kind: sum(score.messages[kind]["attempted"] for score in scores)
     assert sent(whole, "query") > 0 and sent(silent, "query") == 0 and sent(chatty, "query") > 0
     assert sent(whole, "broadcast") == sent(silent, "broadcast") == 0 < sent(chatty, "broadcast")
-    assert pilots.label_of(f"{path}+no-query") == f"{tmp_path.name}+no-query"
+    assert pilots.label_of(f"{path}+no-query") == f"{pilots.label_of(path)}+no-query"
     assert set(pilots.VARIANTS) == set(VARIANTS)
     save_weights(untrained("mappo"), path, {})
     with pytest.raises(ValueError, match="mappo.no-query: mappo follows the fixed schedule"):
         fly_missions(LONG, f"{path}+no-query", range(1))
     with pytest.raises(ValueError, match="unknown policy 'commhg.nothing'"):
         pilots.find_policy("commhg+nothing")
+
+
+def test_labels_differ_when_weights_do(tmp_path):
+    paths = [tmp_path / run / "seed0" / "weights.safetensors" for run in ("e1", "e2")]
+    for path, seed in zip(paths, (0, 1)):
+        path.parent.mkdir(parents=True)
+        save_weights(untrained("commhg", seed), path, {})
+    first, second = map(pilots.label_of, paths)
+    assert first != second and first.startswith("seed0-") and second.startswith("seed0-")
+    assert len(set(table_names([*map(str, paths), "greedy", f"{paths[0]}+no-query"]))) == 4
+    save_weights(untrained("commhg", 2), paths[0], {})
+    assert pilots.label_of(paths[0]) not in (first, second), "written anew"
+    paths[1].write_bytes(paths[0].read_bytes())
+    assert table_names([*map(str, paths), "omniscient"]) == [*map(str, paths), "omniscient (privileged)"], "one content twice"
+    with pytest.raises(ValueError, match="none.safetensors: No such file"):
+        pilots.label_of("none.safetensors")
 
 
 def test_weights_that_were_written_anew_are_read_anew(tmp_path):

@@ -157,6 +157,23 @@ def test_toml_files_override_a_base(tmp_path):
 
 
 @pytest.mark.parametrize(
+    "file, name",
+    [
+        ("dense-3.toml", "dense-3"), ("medium.toml", "medium.toml"), ("ä large (2).toml", "large-2-"), ("-_.toml", "unnamed"),
+        ("x" * 90 + ".toml", "x" * 64), ("a.b.toml", "a.b"),
+    ],
+)  # fmt: skip
+def test_a_file_that_gives_no_name_gives_its_own(tmp_path, file, name):
+    path = tmp_path / file
+    path.write_text("n_uav = 3")
+    assert load_scenario(path) == dataclasses.replace(SCENARIOS["medium"], n_uav=3, name=name)
+    path.write_text('base = "small"')
+    assert load_scenario(path) == SCENARIOS["small"], "nothing is different"
+    path.write_text('base = "small"\nname = "medium"\nn_uav = 3')
+    assert load_scenario(path).name == "medium", "as it says"
+
+
+@pytest.mark.parametrize(
     "content, match",
     [
         (b"n_uav = ", "Invalid value"),

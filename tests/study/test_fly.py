@@ -9,7 +9,7 @@ from strategies import change
 
 from commhg_mj import make_vec
 from commhg_mj.mission.batch import stay
-from commhg_mj.mission.trace import load_trace
+from commhg_mj.mission.trace import load_trace, save_trace
 from commhg_mj.scenarios import SCENARIOS
 from commhg_mj.study import fly as study
 from commhg_mj.study.statistics import mean_interval
@@ -37,6 +37,28 @@ def test_every_mission_leaves_its_trace(tmp_path):
     assert len(list(tmp_path.iterdir())) == 2
     study.fly(SHORT, "random", [4, 9], out=tmp_path)
     assert len(list(tmp_path.iterdir())) == 4, "other conditions, other files"
+
+
+def test_a_trace_replaces_none_of_another_mission(tmp_path, monkeypatch):
+    other = change(SHORT, n_tasks=SHORT.n_tasks - 1)
+    study.fly(SHORT, "random", [4], out=tmp_path)
+    study.fly(SHORT, "random", [4, 5], out=tmp_path)  # the same mission
+    path = study.trace_path(tmp_path, SHORT, "random", "abstract", "nominal", 5)
+    study.fly(SHORT, "omniscient", [5], out=tmp_path)
+    study.fly(SHORT, "omniscient", [5], links="abstract", out=tmp_path)  # flies under other conditions than are asked for
+    before, kept = {each.name: each.read_bytes() for each in tmp_path.iterdir()}, load_trace(path)
+    monkeypatch.setattr(study, "fly_to_end", lambda *arguments, **options: pytest.fail("it flies"))
+    with pytest.raises(ValueError, match=f"{path} is of another scenario: ") as error:
+        study.fly(other, "random", [3, 5], out=tmp_path)
+    assert "\n" not in str(error.value)
+    for name, value in (("policy", "greedy"), ("seed", 6), ("limitation", "low"), ("links", "perfect")):
+        save_trace(dataclasses.replace(kept, **{name: value}), path)
+        with pytest.raises(ValueError, match=f"{path} is of another {name}: "):
+            study.fly(SHORT, "random", [5], out=tmp_path)
+    path.write_bytes(b"notes")
+    with pytest.raises(ValueError, match=f"{path} is damaged or not a trace"):
+        study.fly(SHORT, "random", [5], out=tmp_path)
+    assert {each.name: each.read_bytes() for each in tmp_path.iterdir()} == before | {path.name: b"notes"}
 
 
 def test_intervals_hold_the_mean_and_shrink_with_the_sample():

@@ -9,6 +9,7 @@ import numpy as np
 from ... import kernels
 from ...files import whole_file
 from ...mission.trace import make_traces
+from ...pilots import label_of
 from ...scenarios import to_json
 from ..fly import chunks_of, fly_to_end, spread
 from ..pairs import links_of
@@ -46,7 +47,8 @@ def claim_folder(folder: Path, settings: dict) -> None:
 
 def settings_of(scenario, policies, first_seed: int, limitation: str) -> dict:
     """What two comparisons must share to share their parts; more missions may join later."""
-    return {"scenario": json.loads(to_json(scenario)), "policies": list(policies), "seed": first_seed, "limitation": limitation}
+    labels = list(map(label_of, policies))
+    return {"scenario": json.loads(to_json(scenario)), "policies": labels, "seed": first_seed, "limitation": limitation}
 
 
 def fly_conditions(
