@@ -1,5 +1,6 @@
 """The domain of surveillance missions, one task a scenario, in the manner of dm_control's suite."""
 
+import copy
 from numbers import Real
 
 import numpy as np
@@ -25,7 +26,7 @@ def make(scenario, random=None, pictures=True, environment_kwargs=None, **option
 
     Args:
       scenario: name, TOML file or `Scenario`.
-      random: the seed of the first episode, from which the others follow; or a `RandomState` that draws it; None: any.
+      random: the seed of the first episode, from which the others follow; or a `RandomState` that draws them; None: any.
       pictures: whether the world looks like anything; without, episodes begin ten times faster.
       environment_kwargs: options of `MissionEnvironment`.
       options: of `commhg_mj.tasks.Team`.
@@ -48,7 +49,11 @@ for _scenario in SCENARIOS:
 
 
 class Surveillance(control.Task):
-    """A team's mission: decisions in, padded tables, masks and the team reward out."""
+    """A team's mission: decisions in, padded tables, masks and the team reward out.
+
+    As the tasks of dm_control's suite have it, `random` draws the episodes, and wrappers of other people seed them by putting
+    a `RandomState` of theirs in the place of `_random`.
+    """
 
     def __init__(self, scenario, random=None, **options):
         self.team = Team(scenario, **options)
@@ -57,12 +62,35 @@ class Surveillance(control.Task):
 
     def seed(self, random) -> None:
         """Fix the next episode and those after it; arguments as for `make`."""
-        if isinstance(random, np.random.RandomState):
-            random = int(random.randint(2**31 - 1))
-        if random is not None:
-            random = check_seed(random)
-        self._rng = np.random.default_rng(random)
-        self.next_seed = self.team.draw_seed(self._rng) if random is None else random
+        if random is None or isinstance(random, np.random.RandomState):
+            self._random = random or np.random.RandomState()
+        else:
+            seed = check_seed(random)
+            self._random = np.random.RandomState(np.random.PCG64(seed))  # the missions that follow in Gymnasium, too
+            self._given = seed
+
+    @property
+    def random(self) -> np.random.RandomState:
+        """What draws the next episodes."""
+        return self._random
+
+    @property
+    def _random(self):
+        return self._drawer
+
+    @_random.setter
+    def _random(self, drawer):
+        if not isinstance(drawer, np.random.RandomState):
+            raise ValueError(f"random must be a numpy RandomState, is {drawer!r}")
+        self._drawer, self._given = drawer, None
+
+    @property
+    def next_seed(self) -> int:
+        """The mission that begins with the next episode."""
+        return self._draw(copy.deepcopy(self._random)) if self._given is None else self._given
+
+    def _draw(self, drawer):
+        return self.team.draw_seed(np.random.Generator(drawer._bit_generator))
 
     @property
     def timestep(self) -> float:
@@ -71,8 +99,8 @@ class Surveillance(control.Task):
 
     def initialize_episode(self, physics):
         """Begin the next mission in its own world."""
-        self.team.begin([self.next_seed])
-        self.next_seed = self.team.draw_seed(self._rng)
+        self.team.begin([self._draw(self._random) if self._given is None else self._given])
+        self._given = None
         physics.reload(self.team.batch.worlds[0])
         self.after_step(physics)
 

@@ -19,7 +19,7 @@ from playing import BRIEF, BRITTLE, LONELY, Dice
 from strategies import change
 
 from commhg_mj.scenarios import SCENARIOS
-from commhg_mj.tasks import suite, surveillance
+from commhg_mj.tasks import MissionEnv, suite, surveillance
 
 every_task = pytest.mark.parametrize("domain, task", suite.ALL_TASKS)
 NAMED = (
@@ -294,6 +294,35 @@ def test_a_random_state_draws_the_first_seed():
 
     assert seeds(np.random.RandomState(5)) == seeds(np.random.RandomState(5)) != seeds(np.random.RandomState(6))
     assert seeds(None) != seeds(None)
+
+
+def test_seeds_in_the_manner_of_dm_controls_suite():
+    """As shimmy's and TorchRL's wrappers give them: a RandomState in the place of the task's."""
+    env = surveillance.make(BRIEF, random=8, pictures=False, period=60)
+
+    def missions(n=2):
+        return [(env.reset(), env.task.team.batch.seeds[0])[1] for _ in range(n)]
+
+    found = []
+    for seed in (3, 3, 4):
+        assert isinstance(env.task._random, np.random.RandomState) and env.task.random is env.task._random
+        env.task._random = np.random.RandomState(seed)
+        upcoming = env.task.next_seed
+        found.append(missions())
+        assert found[-1][0] == upcoming
+    assert found[0] == found[1] != found[2] and len({*found[0], *found[2], 8}) == 5
+    env.task.random.seed(3)
+    assert missions() == found[0], "seeded in its place"
+    drawer = np.random.RandomState(3)
+    assert surveillance.make(BRIEF, random=drawer, pictures=False).task.random is drawer
+    with pytest.raises(ValueError, match="random must be a numpy RandomState"):
+        env.task._random = 3
+
+
+def test_the_missions_that_follow_a_seed_are_gymnasiums():
+    env, other = surveillance.make(BRIEF, random=8, pictures=False), MissionEnv(BRIEF)
+    mine = [(env.reset(), env.task.team.batch.seeds[0])[1] for _ in range(3)]
+    assert mine == [other.reset(seed=seed)[1]["seed"] for seed in (8, None, None)]
 
 
 def test_episodes_draw_from_the_seeds_that_are_allowed():
