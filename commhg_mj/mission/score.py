@@ -40,10 +40,11 @@ def twcr(value, deadline, decay, done_at) -> float:
 
 def score_missions(state) -> list[Score]:
     """Scores of all missions of a batch, from the simulator's own record of completions."""
-    return [_score(state, e) for e in range(len(state.missions))]
+    return [score_mission(state, e) for e in range(len(state.missions))]
 
 
-def _score(state, e) -> Score:
+def score_mission(state, e: int) -> Score:
+    """The score of mission e of a batch."""
     mission, tasks, operators = state.missions[e], state.tasks[e], state.operators[e]
     done = tasks["done_at"] >= 0
     late = np.maximum(0.0, tasks["done_at"] - tasks["deadline"])[done]

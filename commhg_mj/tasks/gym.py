@@ -1,25 +1,25 @@
 """The whole team as one Gymnasium agent."""
 
-import dataclasses
-
 import gymnasium
 import numpy as np
 from gymnasium import spaces
 
+from ..mission.batch import check_seed
+from .registration import PlainSpec
 from .spaces import team_space
 from .team import Team
 
 RENDER_FPS = 12
 
 
-class MissionEnv(gymnasium.Env):
+class MissionEnv(PlainSpec, gymnasium.Env):
     """A mission, stepped to the next decision epoch of anybody.
 
     Observations, actions and masks: docs/tasks.md. A masked choice counts as staying (`info["replaced"]` counts them).
     The reward is the team's since the last step; after `info["elapsed"]` seconds a discount per second γ is γ ** elapsed.
 
     Args:
-      scenario: name, TOML file or `Scenario`.
+      scenario: name, TOML file, `Scenario` or its table.
       render_mode: None, or "rgb_array".
       camera, size: of rendered pictures: overview, station, map, orbit or follow:ROBOT; (width, height) in pixels.
       record: keep what `commhg_mj.make_traces(env.unwrapped.team.batch, name)` needs; rendering does.
@@ -41,6 +41,7 @@ class MissionEnv(gymnasium.Env):
 
     def reset(self, *, seed=None, options=None):
         """A new mission: of that seed, or the next one that the last seed leads to. There are no options."""
+        seed = None if seed is None else check_seed(seed)
         super().reset(seed=seed)
         self.team.begin([self.team.draw_seed(self.np_random) if seed is None else seed])
         return self._observe(), self._inform()
@@ -73,7 +74,7 @@ class MissionEnv(gymnasium.Env):
         team = self.team
         info = {name: values[0].item() for name, values in inform_teams(team).items()}
         info["action_mask"] = team.choices.split(team.mask[0].copy())
-        return info | (dataclasses.asdict(team.batch.scores()[0]) if team.over[0] else {})
+        return info | team.score()
 
 
 def observe_teams(team: Team) -> dict:

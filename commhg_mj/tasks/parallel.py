@@ -5,6 +5,7 @@ from gymnasium import spaces
 from gymnasium.utils import seeding
 from pettingzoo import ParallelEnv
 
+from ..mission.batch import check_seed
 from ..terms import Activity
 from .choices import PER_ROBOT, as_array
 from .gym import RENDER_FPS, check_render_mode, make_film
@@ -86,6 +87,7 @@ class MissionParallelEnv(ParallelEnv):
 
     def reset(self, seed=None, options=None):
         """A new mission: of that seed, or the next one that the last seed leads to. There are no options."""
+        seed = None if seed is None else check_seed(seed)
         if seed is not None or self.np_random is None:
             self.np_random, _ = seeding.np_random(seed)
         self.team.begin([self.team.draw_seed(self.np_random) if seed is None else seed])

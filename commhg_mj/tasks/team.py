@@ -1,5 +1,6 @@
 """Missions as every task interface sees them: actions in, padded tables and masks out, over one `MissionBatch`."""
 
+import dataclasses
 from collections.abc import Sequence
 from numbers import Integral
 
@@ -9,6 +10,7 @@ from gymnasium.error import ResetNeeded
 from ..kernels import kernel
 from ..mission.batch import MissionBatch, check_seed
 from ..mission.decide import Decisions
+from ..mission.score import score_mission
 from ..policies import POLICIES, ensure_compiled
 from ..radio.rules import radio_rules
 from ..scenarios import Scenario, load_scenario
@@ -32,11 +34,12 @@ class Team:
     """Teams in missions of one scenario, side by side.
 
     Args:
-      scenario: name, TOML file or `Scenario`.
+      scenario: name, TOML file, `Scenario` or its table.
       links: a link model's name.
       limitation: "nominal", "low" or "high".
       period: seconds of every step, whoever falls due meanwhile; 0: to the next decision epoch of anybody.
-      seeds: the missions that unseeded episodes are drawn from, as `range(1000)`; None: all.
+      seeds: the missions that unseeded episodes are drawn from, as `range(1000)`, or as JSON has it
+        `{"range": [0, 1000]}`; None: all.
       record: keep what a trace needs.
 
     Raises:
@@ -50,6 +53,7 @@ class Team:
             raise ValueError(
                 f"period must be a whole number of seconds in 0..{LONGEST_PERIOD}, 0 for decision epochs, is {period!r}"
             )
+        seeds = read_range(seeds)
         check_seeds(seeds)
         self.links, self.limitation, self.period, self.seeds, self.record = links, limitation, int(period), seeds, record
         self.choices = Choices(self.scenario)
@@ -72,6 +76,7 @@ class Team:
         self.replaced = np.zeros(n, np.int64)
         self.time, self.elapsed = np.zeros(n), np.zeros(n)
         self.rewards = np.zeros(n)
+        self._no_score = blank(dataclasses.asdict(score_mission(self.batch.state, 0)))
         self._show()
 
     def check_begun(self) -> None:
@@ -109,10 +114,14 @@ class Team:
             for e in np.flatnonzero(over):
                 batch.restart(e, draw_next(e))
         batch.step_legal(decisions, self.period)
-        self.time = batch.time
+        self.time = batch.time.astype(float)
         self.elapsed = np.maximum(self.time - before, 0.0)  # a new mission has not elapsed yet
         self.rewards = batch.rewards.sum(axis=1)
         self._show()
+
+    def score(self, e: int = 0) -> dict:
+        """The fields of mission e's `Score`; before its end all are 0."""
+        return dataclasses.asdict(score_mission(self.batch.state, e)) if self.over[e] else fresh(self._no_score)
 
     def _show(self):
         show(self.batch.observations, self.tables, self.mask, self.due, self.choices.starts)
@@ -121,6 +130,26 @@ class Team:
     def over(self) -> np.ndarray:
         """[E] bool: missions that have ended."""
         return self.batch.over
+
+
+def blank(facts: dict) -> dict:
+    """The same names and types, and 0 everywhere."""
+    return {name: blank(fact) if isinstance(fact, dict) else type(fact)() for name, fact in facts.items()}
+
+
+def fresh(facts: dict) -> dict:
+    """A copy that shares no dictionary."""
+    return facts | {name: fresh(fact) for name, fact in facts.items() if isinstance(fact, dict)}
+
+
+def read_range(seeds):
+    """The range that {"range": [start, stop, step]} means; anything else as it is."""
+    if isinstance(seeds, dict) and list(seeds) == ["range"]:
+        try:
+            return range(*seeds["range"])
+        except (TypeError, ValueError):
+            pass
+    return seeds
 
 
 def check_seeds(seeds) -> None:

@@ -10,9 +10,12 @@ import gymnasium
 import numpy as np
 import pytest
 from flying import fingerprint
+from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils.env_checker import check_env
 from playing import BRIEF, BRITTLE, LONELY, Dice, open_everywhere
+from strategies import change
 
+from commhg_mj.heightmap import PIXELS, to_text
 from commhg_mj.mission.score import Score
 from commhg_mj.mission.trace import make_traces
 from commhg_mj.radio import LINK_MODELS
@@ -21,6 +24,7 @@ from commhg_mj.tasks import MissionEnv
 from commhg_mj.tasks.registration import ID
 
 every_scenario = pytest.mark.parametrize("scenario", SCENARIOS)
+HILLY = change(BRIEF, heightmap=to_text(np.pad(np.ones((20, 20)), (0, PIXELS - 20))))
 SMALL_PICTURE = {"render_mode": "rgb_array", "size": (192, 108)}
 
 
@@ -61,6 +65,44 @@ def test_the_registry_has_every_scenario():
     for name in ids:
         spec = gymnasium.registry[name]
         assert gymnasium.envs.registration.EnvSpec.from_json(spec.to_json()) == spec, "specs can be written down"
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"seeds": range(10, 20, 3)}, {"seeds": range(10**9)}, {"seeds": np.arange(5)}, {"seeds": (3, np.int64(4))},
+        {"scenario": BRIEF}, {"scenario": HILLY}, {"period": np.int64(9), "size": (64, 64)},
+    ],
+    ids=["range", "endless", "array", "tuple", "scenario", "heightmap", "numbers"],
+)  # fmt: skip
+def test_specs_survive_json(options):
+    env = gymnasium.make(ID.format("small"), **options)
+    text = env.spec.to_json()
+    other = gymnasium.make(EnvSpec.from_json(text))
+    assert other.spec.to_json() == text and len(text) < 20_000
+    assert other.unwrapped.team.scenario == env.unwrapped.team.scenario
+    for seed in (5, None, None):
+        np.testing.assert_equal(env.reset(seed=seed), other.reset(seed=seed))
+    np.testing.assert_equal(env.step(0 * env.action_space.nvec), other.step(0 * env.action_space.nvec))
+
+
+def test_specs_of_vector_environments_survive_json():
+    env = gymnasium.make_vec(
+        ID.format("small"), num_envs=2, vectorization_mode="vector_entry_point", scenario=BRIEF, seeds=range(9)
+    )  # fmt: skip
+    other = gymnasium.make_vec(EnvSpec.from_json(env.spec.to_json()))
+    assert other.num_envs == 2 and other.unwrapped.team.scenario == BRIEF and other.unwrapped.team.seeds == range(9)
+    np.testing.assert_equal(env.reset(seed=5)[0], other.reset(seed=5)[0])
+
+
+def test_a_scenarios_table_is_the_scenario():
+    assert MissionEnv({"base": "small", "n_uav": 3}).team.scenario == change(SCENARIOS["small"], n_uav=3)
+    for scenario, said in (({"base": "tiny"}, "base must be one of"), ({"n_uavs": 3}, "unknown field n_uavs")):
+        with pytest.raises(ValueError, match=said):
+            MissionEnv(scenario)
+    for seeds in ({"range": 3}, {"range": ["a"]}, {"range": []}, {"range": [3, 3]}, {"range": [0, 3, 0]}, {"from": 3}):
+        with pytest.raises(ValueError, match="seeds must be a list or range"):
+            MissionEnv(BRIEF, seeds=seeds)
 
 
 @every_scenario
@@ -147,7 +189,9 @@ def test_rewards_and_infos_add_up_to_the_score(scenario):
         assert terminated == (following is None), "terminated at the end, and nowhere else"
         assert info["coordination_reward"] <= 0 and info["seed"] == 4
     fields = {field.name for field in dataclasses.fields(Score)}
-    assert all(not fields & set(info) for info in infos[:-1]) and fields <= set(infos[-1])
+    assert all(list(info) == list(infos[0]) for info in infos) and fields <= set(infos[0])
+    assert all(info["twcr"] == 0 == info["duration"] and not info["messages"]["query"]["sent"] for info in infos[:-1])
+    assert all(types_of(info) == types_of(infos[0]) for info in infos)
     (score,) = env.team.batch.scores()
     assert dataclasses.asdict(score) == {name: infos[-1][name] for name in fields}
     assert infos[-1]["reward_mission"] == pytest.approx(sum(info["mission_reward"] for info in infos))
@@ -155,6 +199,11 @@ def test_rewards_and_infos_add_up_to_the_score(scenario):
     assert infos[-1]["duration"] == infos[-1]["time"] == sum(info["elapsed"] for info in infos)
     for name, value in infos[-1].items():
         assert type(value) in (int, float, dict, tuple), name
+
+
+def types_of(info):
+    """By name, as collectors of datasets want them to stay the same."""
+    return {name: types_of(value) if isinstance(value, dict) else type(value) for name, value in info.items()}
 
 
 @pytest.mark.parametrize("period", [1, 7, 60])
@@ -224,6 +273,7 @@ def test_what_was_returned_stays_as_it_was():
     for step in fly(env, dice, 3):
         steps.append((step, copy.deepcopy(step)))
     env.reset()
+    steps[0][0][-1]["messages"]["query"].clear(), steps[0][1][-1]["messages"]["query"].clear()  # nobody else's
     for step, as_it_was in steps:
         np.testing.assert_equal(step, as_it_was)
 

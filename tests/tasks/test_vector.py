@@ -3,12 +3,14 @@
 import copy
 import pickle
 import warnings
+from contextlib import closing
 
 import gymnasium
 import numpy as np
 import pytest
 from flying import fingerprint
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from gymnasium.wrappers.vector import DictInfoToList
 from playing import BRIEF, BRITTLE, LONELY, Dice
 
 from commhg_mj.radio import LINK_MODELS
@@ -17,6 +19,7 @@ from commhg_mj.tasks import MissionEnv, MissionVectorEnv
 from commhg_mj.tasks.registration import ID
 
 COMMON = ("seed", "time", "elapsed", "replaced", "mission_reward", "coordination_reward", "twcr")
+SMALL_PICTURE = {"render_mode": "rgb_array", "size": (64, 64), "camera": "map"}
 BRISK = 10  # s a step: ends come often
 
 
@@ -26,26 +29,28 @@ def side_by_side(scenario, n, **options):
     return theirs, MissionVectorEnv(n, scenario, **options)
 
 
-def check_infos(theirs, ours, names=COMMON):
-    """Ours mean the same; `_name` says where a name means something."""
-    assert set(ours) == {name.removeprefix("_") for name in ours} | {f"_{name.removeprefix('_')}" for name in ours}
-    for name in names:
-        assert (name in ours) == (name in theirs), name
-        if name in ours:
-            known = ours[f"_{name}"]
-            np.testing.assert_array_equal(known, theirs[f"_{name}"], name)
-            np.testing.assert_array_equal(ours[name][known], theirs[name][known], name)
-    for e, masks in enumerate(zip(*ours["action_mask"])):
-        for mask, expected in zip(masks, theirs["action_mask"][e], strict=True):
-            np.testing.assert_array_equal(mask, expected)
+def check_infos(theirs, ours):
+    """Ours are the same, name by name and type by type; their order does not count."""
+    assert set(ours) == set(theirs)
+    for name in ours:
+        one, two = theirs[name], ours[name]
+        assert type(one) is type(two), name
+        if isinstance(one, dict):
+            check_infos(one, two)
+        elif one.dtype == object:
+            for expected, found in zip(one, two, strict=True):
+                assert type(found) is tuple
+                np.testing.assert_equal(found, expected)
+        else:
+            np.testing.assert_array_equal(two, one, name, strict=True)
 
 
-def check_steps(theirs, ours, names=COMMON):
+def check_steps(theirs, ours):
     for name, array in theirs[0].items():
         np.testing.assert_array_equal(ours[0][name], array, name, strict=True)
     for one, two in zip(theirs[1:4], ours[1:4]):
         np.testing.assert_array_equal(one, two, strict=True)
-    check_infos(theirs[4], ours[4], names)
+    check_infos(theirs[4], ours[4])
 
 
 @pytest.mark.parametrize("scenario", [BRIEF, BRITTLE, LONELY], ids=["brief", "brittle", "lonely"])
@@ -84,7 +89,7 @@ def test_whatever_actions_say():
     theirs.reset(seed=5), ours.reset(seed=5)
     for _ in range(20):
         actions = dice.any((2,))
-        check_steps(theirs.step(actions), ours.step(actions), [name for name in COMMON if name != "replaced"])
+        check_steps(theirs.step(actions), ours.step(actions))
 
 
 @pytest.mark.parametrize("links", LINK_MODELS)
@@ -94,7 +99,7 @@ def test_with_every_link_model(links):
     dice = Dice(BRIEF)
     for _ in range(8):
         actions = dice.any((2,))
-        check_steps(theirs.step(actions), ours.step(actions), ["seed", "time", "twcr"])
+        check_steps(theirs.step(actions), ours.step(actions))
     assert set(ours.team.batch.seeds) <= {0, 1, 2}
 
 
@@ -147,7 +152,8 @@ def test_observations_are_copies_or_overwritten(copies):
     for name in ("robots", "robot_tasks", "robot_peers", "operators", "operator_reports", "due", "action_mask"):
         assert np.array_equal(first[name], kept[name]) is copies, name
         assert np.shares_memory(first[name], second[name]) is not copies, name
-    assert all(np.array_equal(one, two) for one, two in zip(masks, info["action_mask"])) is copies
+    same = [np.array_equal(*pair) for one, two in zip(masks, info["action_mask"]) for pair in zip(one, two)]
+    assert all(same) is copies
     other_way, dice = MissionVectorEnv(2, BRIEF, copy=not copies), Dice(BRIEF)
     other_way.reset(seed=1)
     for _ in range(10):
@@ -173,7 +179,9 @@ def test_a_copy_flies_on_to_the_same_bits(copy_of):
     other = copy_of(ours)
     for _ in range(20):  # into the next missions
         actions = dice.any((2,))
-        np.testing.assert_equal(ours.step(actions), other.step(actions))
+        one, two = ours.step(actions), other.step(actions)
+        np.testing.assert_equal(one[:4], two[:4])
+        check_infos(one[4], two[4])
         assert fingerprint(ours.team.batch.state) == fingerprint(other.team.batch.state)
 
 
@@ -200,6 +208,50 @@ def test_a_refused_action_begins_no_mission():
     assert fingerprint(ours.team.batch.state) == before and ours.team.batch.seeds == [1, 2]
 
 
-def test_there_is_nothing_to_render():
-    with pytest.raises(ValueError, match="render_mode must be None"):
-        MissionVectorEnv(2, BRIEF, render_mode="rgb_array")
+def test_infos_as_a_list():
+    theirs, ours = (DictInfoToList(envs) for envs in side_by_side(BRIEF, 2, period=30))
+    check = lambda one, two: [np.testing.assert_equal(dict(sorted(b.items())), dict(sorted(a.items()))) for a, b in zip(one, two)]
+    check(theirs.reset(seed=5)[1], ours.reset(seed=5)[1])
+    for _ in range(4):
+        actions = Dice(BRIEF).any((2,))
+        one, two = theirs.step(actions)[4], ours.step(actions)[4]
+        check(one, two)
+    assert len({frozenset(info) for info in two}) == 1
+
+
+def test_masks_serve_the_action_space():
+    ours = MissionVectorEnv(3, BRIEF)
+    _, infos = ours.reset(seed=5)
+    for _ in range(5):
+        *_, infos = ours.step(np.stack([ours.single_action_space.sample(mask) for mask in infos["action_mask"]]))
+        assert not infos["replaced"].any()
+
+
+def test_scores_that_were_returned_stay_as_they_were():
+    ours = MissionVectorEnv(2, BRIEF, period=30)
+    infos = [ours.reset(seed=1)[1]] + [ours.step(Dice(BRIEF).any((2,)))[4] for _ in range(4)]
+    assert [info["duration"].tolist() for info in infos] == [[0, 0], [0, 0], [60, 60], [0, 0], [0, 0]]
+    assert infos[2]["messages"]["broadcast"]["_sent"].all() and not infos[1]["messages"]["broadcast"]["sent"].any()
+    with pytest.raises(ValueError, match="read-only"):
+        infos[0]["twcr"][0] = 1.0
+
+
+def test_pictures_are_gymnasiums():
+    theirs, ours = side_by_side(BRIEF, 2, period=30, **SMALL_PICTURE)
+    with closing(theirs), closing(ours):
+        assert ours.render_mode == "rgb_array"
+        theirs.reset(seed=5), ours.reset(seed=5)
+        for _ in range(2):
+            actions = Dice(BRIEF).any((2,))
+            theirs.step(actions), ours.step(actions)
+        one, two = theirs.render(), ours.render()
+        assert type(two) is tuple and not np.array_equal(*two)
+        np.testing.assert_array_equal(two, one)
+
+
+def test_without_a_render_mode_there_is_nothing_to_see():
+    ours = MissionVectorEnv(2, BRIEF)
+    ours.reset(seed=5)
+    assert ours.render() is None and not ours.team.batch.record
+    with pytest.raises(ValueError, match="render_mode must be None or 'rgb_array'"):
+        MissionVectorEnv(2, BRIEF, render_mode="human")
