@@ -121,7 +121,7 @@ class Team:
 
     def score(self, e: int = 0) -> dict:
         """The fields of mission e's `Score`; before its end all are 0."""
-        return dataclasses.asdict(score_mission(self.batch.state, e)) if self.over[e] else blank(self._no_score)
+        return dataclasses.asdict(score_mission(self.batch.state, e)) if self.over[e] else fresh(self._no_score)
 
     def _show(self):
         show(self.batch.observations, self.tables, self.mask, self.due, self.choices.starts)
@@ -135,6 +135,11 @@ class Team:
 def blank(facts: dict) -> dict:
     """The same names and types, and 0 everywhere."""
     return {name: blank(fact) if isinstance(fact, dict) else type(fact)() for name, fact in facts.items()}
+
+
+def fresh(facts: dict) -> dict:
+    """A copy that shares no dictionary."""
+    return facts | {name: fresh(fact) for name, fact in facts.items() if isinstance(fact, dict)}
 
 
 def read_range(seeds):
