@@ -1,5 +1,6 @@
 """The benchmark figure: a still of a world, its parts named, with close-ups of station and robots."""
 
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -66,8 +67,7 @@ def overview_figure(source, out):
     else:
         world = make_world(source.scenario, source.seed)
         moment = Timeline(source, 0.0).at(min(CALM, len(source.robot_xy) - 1))
-    with whole_file(out) as part:
-        stage = Stage(world, SIZE)
+    with whole_file(out) as part, closing(Stage(world, SIZE)) as stage:
         picture, projection = stage.render(moment, "overview")
         canvas = Canvas(*SIZE)
         marks.draw_boundary(canvas, projection, world.layout.side, 2)
@@ -75,7 +75,6 @@ def overview_figure(source, out):
         boxes = _draw_insets(picture, canvas, stage, moment)
         boxes.append(_draw_title(canvas, world.scenario))
         _draw_callouts(canvas, projection, _landmarks(world, stage, moment), boxes)
-        stage.close()
         write_png(part, canvas.paste(picture))
 
 

@@ -1,5 +1,6 @@
 """Videos and pictures of a trace, or of two side by side."""
 
+import multiprocessing
 from collections import deque
 from collections.abc import Iterable
 from contextlib import closing
@@ -103,8 +104,10 @@ class Film:
     """Makes the pictures of one trace in one process."""
 
     def __init__(self, trace, camera, size, lag, drape=None):
-        # Pictures are made in parallel by process: threads inside would only get in each other's way.
-        cv2.setNumThreads(1)
+        # Pictures are made in parallel by process: threads inside would only get in each other's way. In a forked process
+        # OpenCV would wait for ever for the end of those that it had before.
+        if multiprocessing.get_start_method(allow_none=True) == "spawn":
+            cv2.setNumThreads(1)
         self.camera = camera
         world = make_world(trace.scenario, trace.seed)
         self.timeline = Timeline(trace, lag)

@@ -1,5 +1,7 @@
 """The 3D picture: the world's MuJoCo model posed for a moment and rendered off screen."""
 
+import weakref
+
 import cv2
 import mujoco
 import numpy as np
@@ -10,6 +12,7 @@ from ..terms import Activity
 from .cameras import Projection, place_camera
 from .drape import lay_drape
 from .gl import make_context
+from .gl_thread import free_on_gl_thread, on_gl_thread
 
 SUPERSAMPLING = 1.5  # rendered this much larger, then reduced: cheaper and smoother than multisampling here
 SPIN = 23.0  # rad/s of the mission: any odd number looks like spinning
@@ -33,12 +36,9 @@ class Stage:
         self.data = mujoco.MjData(self.model)
         width, height = (round(SUPERSAMPLING * n) for n in size)
         self.model.vis.global_.offwidth, self.model.vis.global_.offheight = width, height
-        self.viewport = mujoco.MjrRect(0, 0, width, height)
-        self._buffer = np.empty((height, width, 3), np.uint8)
-        self._gl = make_context(width, height)
         self._scene = mujoco.MjvScene(self.model, maxgeom=self.model.ngeom + 100)
-        self._context = mujoco.MjrContext(self.model, mujoco.mjtFontScale.mjFONTSCALE_100)
-        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
+        self._renderer = on_gl_thread(_Renderer, self.model, width, height)
+        self._free = weakref.finalize(self, free_on_gl_thread, self._renderer.free)
         self._options = mujoco.MjvOption()
         self._rgba = self.model.geom_rgba.copy()
         mujoco.mj_kinematics(self.model, self.data)
@@ -55,22 +55,19 @@ class Stage:
 
     def render(self, moment, camera: str) -> tuple[np.ndarray, Projection]:
         """(picture [height, width, 3] in blue, green, red; the projection that it was taken with)."""
-        self._gl.make_current()  # another stage of this process may have been
         self._pose(moment)
         heights, aspect = self.positions(moment)[:, 2], self.size[0] / self.size[1]
         view, self.model.vis.global_.fovy = place_camera(camera, self.world, moment, heights, aspect)
         catch = mujoco.mjtCatBit.mjCAT_ALL
         mujoco.mjv_updateScene(self.model, self.data, self._options, None, view, catch, self._scene)
-        mujoco.mjr_render(self.viewport, self._scene, self._context)
-        mujoco.mjr_readPixels(self._buffer, None, self.viewport, self._context)
+        rendered = on_gl_thread(self._renderer.render, self._scene)
         # OpenGL counts rows from the bottom.
-        picture = cv2.resize(self._buffer[::-1], self.size, interpolation=cv2.INTER_AREA)
+        picture = cv2.resize(rendered[::-1], self.size, interpolation=cv2.INTER_AREA)
         return cv2.cvtColor(picture, cv2.COLOR_RGB2BGR), Projection.of_scene(self._scene, *self.size)
 
     def close(self):
-        self._gl.make_current()
-        self._context.free()
-        self._gl.free()
+        """At the latest when the stage is collected or the process ends."""
+        self._free()
 
     def _pose(self, moment):
         model, data = self.model, self.data
@@ -95,6 +92,32 @@ class Stage:
         rgba[self._beams[~moment.released | moment.done], 3] = 0
         rgba[self._discs[~moment.released], 3] = 0
         rgba[self._discs[moment.done]] = GREY
+
+
+class _Renderer:
+    """MuJoCo's renderer of a model, in an OpenGL context; to be made and used on the thread for that alone."""
+
+    def __init__(self, model, width, height):
+        self._viewport = mujoco.MjrRect(0, 0, width, height)
+        self._pixels = np.empty((height, width, 3), np.uint8)
+        self._gl = make_context(width, height)
+        self._context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
+
+    def render(self, scene):
+        """[height, width, 3] from below, overwritten by the next."""
+        self._gl.make_current()  # another one may have been
+        mujoco.mjr_render(self._viewport, scene, self._context)
+        mujoco.mjr_readPixels(self._pixels, None, self._viewport, self._context)
+        return self._pixels
+
+    def free(self):
+        try:
+            self._gl.make_current()
+        except Exception:  # noqa: BLE001  at the end of the process dm_control may have shut the display, and all in it
+            return
+        self._context.free()
+        self._gl.free()
 
 
 class _Body:

@@ -6,6 +6,7 @@
 """
 
 import importlib
+import sys
 
 # Each interface is loaded when it is first asked for: nobody needs all of their libraries.
 HOMES = {
@@ -23,3 +24,15 @@ def __getattr__(name):
 
 def __dir__():
     return __all__
+
+
+class _BeforeDmControl:
+    """Finds no module, but an OpenGL that needs no screen, as soon as anybody imports dm_control: not before, it takes time."""
+
+    @staticmethod
+    def find_spec(name, path=None, target=None):
+        if name == "dm_control":
+            importlib.import_module("..render.gl", __name__).choose_backend()
+
+
+sys.meta_path.insert(0, _BeforeDmControl)

@@ -2,16 +2,14 @@
 
 import mujoco as mj
 import numpy as np
+from dm_control import mujoco
+from dm_control.mujoco import wrapper
 
 from ..models.mjcf import build_model
 from ..models.poses import attitude, robot_positions
 from ..models.world import World
 from ..radio.evaluate import WorldLinks
-from ..render.gl import choose_backend
-
-choose_backend()  # before dm_control is imported
-from dm_control import mujoco  # noqa: E402
-from dm_control.mujoco import wrapper  # noqa: E402
+from ..render.gl_thread import use_gl
 
 STATION = "station"
 PROBE = 1.0  # B: geometry does not depend on a message's size
@@ -50,6 +48,12 @@ class Physics(mujoco.Physics):
         twin = super().copy(share_model)
         twin._know(self.world, self.has_pictures)
         return twin
+
+    @property
+    def contexts(self):
+        """OpenGL's; RuntimeError in a process forked from one that has drawn."""
+        use_gl()
+        return super().contexts
 
     def _know(self, world, pictures):
         self.world, self.has_pictures, self._links = world, pictures, WorldLinks(world, "raycast")

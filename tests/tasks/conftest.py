@@ -1,5 +1,3 @@
-"""Pictures without a screen: dm_control asks for one unless it is told otherwise before its import."""
+"""Before any test imports dm_control: pictures without a screen."""
 
-from commhg_mj.render.gl import choose_backend
-
-choose_backend()
+import commhg_mj.tasks  # noqa: F401
