@@ -35,7 +35,7 @@ RAYCAST = "gymnasium.make('commhg_mj/Surveillance-small-v0', links='raycast')"
 
 @pytest.mark.skipif(not os.path.exists("/proc/self/statm"), reason="reads Linux's count of pages")
 @pytest.mark.parametrize(
-    "env, warm, more, bound", [(RAYCAST, 5, 20, 12), pytest.param(PICTURED, 6, 8, 60, marks=pytest.mark.slow)]
+    "env, warm, more, bound", [(RAYCAST, 5, 20, 12), pytest.param(PICTURED, 10, 10, 100, marks=pytest.mark.slow)]
 )
 def test_a_process_does_not_grow_with_its_missions(env, warm, more, bound):
     code = GROWTH.format(env=env, warm=warm, more=more)
