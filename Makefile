@@ -11,21 +11,22 @@ demo: $(VENV)/.installed gl
 	@echo "watch renders/demo.mp4"
 
 test: $(VENV)/.tested gl
+	$(BIN)/python -m pyrefly check --python-interpreter-path $(BIN)/python
 	$(BIN)/python -m pytest -n 2 -q
 
 gl:
 	@sh scripts/ensure_gl.sh
 
-$(VENV)/.installed: pyproject.toml
+$(VENV)/.installed: pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys, ensurepip; assert sys.version_info >= (3, 11)' || \
 		{ echo "Python 3.11 or newer with venv is needed: apt-get install python3 python3-venv" >&2; exit 1; }
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install -q --upgrade pip
-	$(BIN)/python -m pip install -q -e .
+	$(BIN)/python -m pip install -q -c constraints.txt -e .
 	touch $@
 
 $(VENV)/.tested: $(VENV)/.installed
-	$(BIN)/python -m pip install -q -e '.[test]'
+	$(BIN)/python -m pip install -q -c constraints.txt -e '.[test]'
 	touch $@
 
 clean:

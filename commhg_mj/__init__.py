@@ -9,27 +9,28 @@
 
 from numbers import Integral
 
+from .base.terms import IDLE, KEEP, NOBODY, REST
+from .base.version import __version__  # noqa: F401
+from .learning import pretrained  # noqa: F401  learned policies are found by name, too
 from .mission.batch import MissionBatch, check_seed, stay
 from .mission.decide import Decisions
 from .mission.observe import Observations
 from .mission.score import Score
 from .mission.trace import Trace, load_trace, make_traces, save_trace
 from .models.world import World, make_world
-from .policies import POLICIES, ensure_compiled
+from .policies import POLICIES, PolicyInfo, policy
 from .radio import LINK_MODELS, link_model
-from .radio.evaluate import WorldLinks
+from .radio.world_links import WorldLinks
 from .scenarios import LIMITATIONS, SCENARIOS, Scenario, load_scenario, with_heightmap
 from .tasks.registration import register_missions
-from .terms import IDLE, KEEP, NOBODY, REST
-
-__version__ = "0.1.0"
 
 register_missions()
 
 __all__ = [
-    "IDLE", "KEEP", "LIMITATIONS", "LINK_MODELS", "NOBODY", "POLICIES", "REST", "SCENARIOS", "Decisions", "MissionBatch",
-    "Observations", "Scenario", "Score", "Trace", "World", "WorldLinks", "link_model", "load_scenario", "load_trace",
-    "make_traces", "make_vec", "make_world", "save_trace", "stay", "with_heightmap",
+    "IDLE", "KEEP", "LIMITATIONS", "LINK_MODELS", "NOBODY", "POLICIES", "REST", "SCENARIOS", "Decisions",
+    "MissionBatch", "Observations", "PolicyInfo", "Scenario", "Score", "Trace", "World", "WorldLinks", "link_model",
+    "load_scenario", "load_trace", "make_traces", "make_vec", "make_world", "policy", "save_trace", "stay",
+    "with_heightmap",
 ]  # fmt: skip
 
 
@@ -40,6 +41,5 @@ def make_vec(scenario, num_missions=1, seed=0, links="abstract", limitation="nom
     """
     if isinstance(num_missions, bool) or not isinstance(num_missions, Integral) or num_missions < 1:
         raise ValueError(f"num_missions must be a whole number of at least 1, is {num_missions!r}")
-    seed = check_seed(seed)
-    ensure_compiled(POLICIES.values())
-    return MissionBatch(scenario, range(seed, seed + num_missions), links, limitation, record)
+    seed, n = check_seed(seed), int(num_missions)
+    return MissionBatch(scenario, range(seed, seed + n), links, limitation, record)

@@ -14,14 +14,13 @@ import numpy as np
 from flying import fly, visible_bytes
 from strategies import change
 
-from commhg_mj.heightmap import PIXELS, read_heightmap, to_text
 from commhg_mj.mission.trace import make_traces
 from commhg_mj.models.world import make_world
-from commhg_mj.pilots import prepare
-from commhg_mj.policies import POLICIES
+from commhg_mj.policies import POLICIES, prepare
 from commhg_mj.radio import LINK_MODELS
-from commhg_mj.radio.evaluate import WorldLinks
+from commhg_mj.radio.world_links import WorldLinks
 from commhg_mj.scenarios import SCENARIOS
+from commhg_mj.scenarios.heightmap import PIXELS, read_heightmap, to_text
 
 SHORT = change(SCENARIOS["small"], time_limit=200, shadowing=4.0)
 RADIOS = {"edge": dict(profile="edge", shadowing=6.0), "radio": dict(profile="radio", foliage="weissberger")}

@@ -5,10 +5,10 @@ import hashlib
 import numpy as np
 from strategies import change
 
+from commhg_mj.base.terms import IDLE, KEEP, NOBODY, REST
 from commhg_mj.mission.batch import MissionBatch, stay
 from commhg_mj.mission.state import ADDRESSES
 from commhg_mj.scenarios import SCENARIOS
-from commhg_mj.terms import IDLE, KEEP, NOBODY, REST
 
 
 def plain(**fields):

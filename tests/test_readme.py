@@ -12,10 +12,10 @@ import pytest
 import tyro
 
 from commhg_mj import POLICIES, SCENARIOS, Decisions, Observations, cli, load_scenario
+from commhg_mj.learning.pretrained import split_variant, trained_methods
 from commhg_mj.learning.registry import METHODS
 from commhg_mj.mission import observe
-from commhg_mj.pilots import split_variant, trained_methods
-from commhg_mj.radio.rules import LINK
+from commhg_mj.radio.link_models import LINK
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")

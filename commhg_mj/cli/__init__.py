@@ -8,13 +8,13 @@ import sys
 
 import tyro
 
-from ..processes import Terminated, interruptible
+from ..base.processes import Terminated, interruptible
 from .console import LOG, say
-from .explain import Cases, Explain
-from .learn import Evaluate, Publish, Train
-from .links import Compare, Coverage, Fit, Links
 from .measures import Bench, Calibrate
 from .missions import Render, Run
+from .radio_plans import Compare, Coverage, Fit, Links
+from .replays import Cases, Explain
+from .training import Evaluate, Publish, Train
 from .worlds import Figure, Scenarios, World
 
 Command = (

@@ -3,12 +3,13 @@
 import contextlib
 import os
 import sys
+from collections.abc import Callable, Iterator
 from typing import Literal
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from ..files import target_of
+from ..base.files import target_of
 
 for name in ("stdout", "stderr"):
     if getattr(sys, name) is None:  # the caller has closed it: what is printed there goes nowhere
@@ -21,7 +22,7 @@ LOG = Console(stderr=True)
 
 
 @contextlib.contextmanager
-def progress(what, total):
+def progress(what, total) -> Iterator[Callable[[int], None]]:
     """A progress bar on standard error; yields how to advance it."""
     columns = TextColumn(what), BarColumn(), MofNCompleteColumn() if total > 1 else TextColumn("{task.percentage:.0f} %")
     with Progress(*columns, TimeRemainingColumn(), console=LOG, transient=True, disable=not LOG.is_terminal) as progress:
@@ -29,7 +30,7 @@ def progress(what, total):
         yield lambda amount: progress.advance(task, amount)
 
 
-def say(text, console=OUT, **style):
+def say(text, console=OUT, **style) -> None:
     """Print one line as it is: paths are neither wrapped nor read as markup."""
     console.print(text, markup=False, highlight=False, soft_wrap=True, **style)
 
@@ -45,25 +46,25 @@ def parse_size(text) -> tuple[int, int]:
     return int(width), int(height)
 
 
-def at_least(name, value, least):
+def at_least(name, value, least) -> None:
     if value < least:
         raise ValueError(f"--{name} must be at least {least}, is {value}")
 
 
-def check_png(out):
+def check_png(out) -> None:
     """Refuse a picture by any other ending, or where there can be none."""
     if out is not None and out.suffix.lower() != ".png":
         raise ValueError(f"--out {out}: the name must end in .png")
     check_file(out)
 
 
-def check_file(out):
+def check_file(out) -> None:
     """Refuse before the work what `whole_file` would refuse after it."""
     if out is not None:
         target_of(out)
 
 
-def load_mujoco():
+def load_mujoco() -> None:
     """MuJoCo loads the backend that MUJOCO_GL names when it is imported, and fails however that one fails."""
     try:
         import mujoco  # noqa: F401
@@ -73,7 +74,7 @@ def load_mujoco():
         raise RuntimeError(f"MUJOCO_GL={backend} does not work here ({error}): install {needs}, or unset it") from None
 
 
-def make_folder(path):
+def make_folder(path) -> None:
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:

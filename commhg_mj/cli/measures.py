@@ -22,8 +22,8 @@ class Bench:
     """time training alone: simulate, infer and learn"""
 
     def __call__(self):
-        from ..study.bench import all_speeds, training_speeds
-        from ..study.interfaces import interface_rates
+        from ..bench.interfaces import interface_rates
+        from ..bench.speeds import all_speeds, training_speeds
 
         table = Table("what", "rate", "unit")
         names = list(SCENARIOS) if self.scenario == "all" else [self.scenario]
@@ -48,7 +48,8 @@ class Calibrate:
     """processes"""
 
     def __call__(self):
-        from ..study.calibration import FLIGHTS, calibrate, calibration_tables
+        from ..study.calibration import FLIGHTS, calibrate
+        from .tables.calibrate import calibration_tables
 
         at_least("missions", self.missions, 2)
         at_least("workers", self.workers, 1)

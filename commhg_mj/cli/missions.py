@@ -6,12 +6,12 @@ from typing import Annotated
 
 import tyro
 
-from .. import load_trace
+from ..flights.fly import fly, trace_path
 from ..mission.batch import check_seed
-from ..pilots import find_policy
+from ..mission.trace import load_trace
+from ..policies import find_policy
 from ..radio import find_link_model
 from ..scenarios import load_scenario, with_profile
-from ..study.fly import fly, trace_path
 from .console import LOG, OUT, Limitation, Profile, at_least, load_mujoco, make_folder, parse_size, progress, say
 
 
@@ -43,7 +43,7 @@ class Run:
     """print one JSON object on standard output and nothing else"""
 
     def __call__(self):
-        from ..study.summary import summary_json, summary_table
+        from .tables.scores import summary_json, summary_table
 
         scenario = with_profile(load_scenario(self.scenario), self.radio_profile)
         privileged = find_policy(self.policy).is_privileged
@@ -125,11 +125,11 @@ class Render:
         if self.coverage is None:
             return None
         from ..models.world import make_world
+        from ..planning.coverage import cover
+        from ..planning.endpoints import parse_endpoint
         from ..render import coverage_drape
-        from ..study.coverage import cover
-        from ..study.places import parse_place
 
-        source = parse_place(self.coverage, trace.scenario, "coverage")
+        source = parse_endpoint(self.coverage, trace.scenario, "coverage")
         world, label = make_world(trace.scenario, trace.seed), f"delivery probability from {source.text}"
         options = "coverage", "coverage-height"
         coverage = cover(world, source, self.coverage_height, trace.limitation, (trace.links,), options)

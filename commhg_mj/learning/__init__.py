@@ -1,0 +1,1 @@
+"""Learned methods: graphs, networks, rollout, PPO, runs, and the weights that come along (docs/learning.md)."""

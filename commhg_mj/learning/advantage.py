@@ -3,7 +3,7 @@
 import numpy as np
 
 
-def estimate_advantages(values, rows, rewards, elapsed, over, last_values, gamma, lam, trace="decision"):
+def estimate_advantages(values, rows, rewards, elapsed, over, last_values, gamma, lam, trace="decision") -> np.ndarray:
     """Advantages of decisions, mission and coordination parts apart.
 
     A step discounts what follows it by gamma ** seconds, and its own reward not at all; the trace decays by `lam` a

@@ -69,7 +69,7 @@ class ReturnScale(nn.Module):
             self.register_buffer(name, torch.full((2, N_PARTS), value))
 
     @torch.no_grad()
-    def update(self, role: int, returns: Tensor, rate: float = 0.05):
+    def update(self, role: int, returns: Tensor, rate: float = 0.05) -> None:
         """Take in returns [n, 2] of one role."""
         if len(returns):
             for total, value in ((self.mean, returns.mean(dim=0)), (self.square, (returns**2).mean(dim=0))):

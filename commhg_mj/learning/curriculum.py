@@ -4,9 +4,9 @@ import dataclasses
 from collections.abc import Iterator
 from pathlib import Path
 
-from ..files import whole_file
+from ..base.files import whole_file
 from ..scenarios import SCENARIOS, Scenario
-from .crew import ALONE, Crew
+from .distributed import ALONE, ProcessGroup
 from .ppo import Hyper
 from .train import STATE, WEIGHTS, Plan, Training, plan_from_json, plan_to_json
 
@@ -34,23 +34,23 @@ def stages(plan: Plan, folder) -> list[tuple[Plan, Path]]:
     return [*found, (dataclasses.replace(plan, init=init), folder)]
 
 
-def trainings(plan: Plan, folder, crew: Crew = ALONE, device: str = "cpu") -> Iterator[Training]:
+def trainings(plan: Plan, folder, group: ProcessGroup = ALONE, device: str = "cpu") -> Iterator[Training]:
     """Each stage's training, where it stands; the next one follows once its caller has brought it to its end."""
     for stage, at in stages(plan, folder):
         # All have looked before the first one writes, and nobody reads the stage before until it is written.
-        if crew.least((at / STATE).exists()):
-            training = Training.resume(at, crew, device)
+        if group.least((at / STATE).exists()):
+            training = Training.resume(at, group, device)
         else:
-            training = Training(stage, at, crew=crew, device=device)
+            training = Training(stage, at, group=group, device=device)
             training.save()  # something to resume from, from the first moment on
         yield training
         if not training.is_done:
             return
 
 
-def follow(crew: Crew, plan: Plan, folder, cpu_seconds: float, device: str) -> None:
+def follow(group: ProcessGroup, plan: Plan, folder, cpu_seconds: float, device: str) -> None:
     """A worker's part of a run: the same steps as the first process, in silence."""
-    for training in trainings(plan, folder, crew, device):
+    for training in trainings(plan, folder, group, device):
         for _ in training.run(cpu_seconds):
             pass
 

@@ -8,11 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..kernels import kernel, record
+from ..base.kernels import kernel, record
+from ..base.terms import NOBODY, Activity, Embodiment, Mode, Session, Status
 from ..mission.batch import MissionBatch
 from ..mission.estimate import attempt, control_gain
 from ..mission.observe import Observations
-from ..terms import NOBODY, Activity, Embodiment, Mode, Session, Status
 
 UGV, DONE, SERVICED = int(Embodiment.UGV), int(Status.DONE), int(Status.SERVICED)
 TRAVELLING, SERVICING = int(Activity.TRAVELLING), int(Activity.SERVICING)

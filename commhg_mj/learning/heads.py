@@ -11,8 +11,8 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from ..terms import IDLE, KEEP, NOBODY
-from .draws import OPERATOR, ROBOT
+from ..base.terms import IDLE, KEEP, NOBODY
+from .noise import OPERATOR, ROBOT
 
 ILLEGAL = -1e9  # a masked logit
 STEP = 2.0**-10  # choices are made on logits rounded to this: far above float32's errors, far below what matters

@@ -9,8 +9,8 @@ import torch
 from torch import nn
 
 from .batches import legal_picks, operator_batch, pick_robots, robot_batch
-from .crew import ALONE, Crew
 from .critic import Agents
+from .distributed import ALONE, ProcessGroup
 from .heads import RobotChoices, judge_operators, judge_robots, tensors_of
 from .rollout import Experience
 from .states import States
@@ -61,12 +61,12 @@ class Learner:
 
     Args:
       method: on the CPU, where it flies; it gets what was learned after every update.
-      crew: the processes whose gradients make one step. device: where this one computes its own.
+      group: the processes whose gradients make one step. device: where this one computes its own.
     """
 
-    def __init__(self, method, hyper: Hyper, crew: Crew = ALONE, device: str = "cpu"):
+    def __init__(self, method, hyper: Hyper, group: ProcessGroup = ALONE, device: str = "cpu"):
         check_device(device)
-        self.flown, self.hyper, self.crew, self.device = method, hyper, crew, torch.device(device)
+        self.flown, self.hyper, self.group, self.device = method, hyper, group, torch.device(device)
         self.method = method if self.device.type == "cpu" else deepcopy(method).to(self.device)
         self.optimizer = torch.optim.Adam(self.method.parameters(), lr=hyper.learning_rate, eps=1e-5)
 
@@ -80,7 +80,7 @@ class Learner:
         scale = self.method.scale
         for role, returns in enumerate((data.robot_return, data.operator_return)):
             scale.update(role, self._tensor(returns).float())
-        self.crew.average(list(scale.buffers()))
+        self.group.average(list(scale.buffers()))
         stats = list(self._steps(data, rng, aim))
         if self.method is not self.flown:
             self.flown.load_state_dict(self.method.state_dict())
@@ -92,7 +92,7 @@ class Learner:
         old = [self._tensor(log_prob) for log_prob in (data.robot_log_prob, data.operator_log_prob)]
         # Nobody decides in some states; a minibatch of nobody teaches nothing.
         alive = np.union1d(data.robot_state, data.operator_state)
-        minibatches = self.crew.least(min(hyper.minibatches, len(alive)))
+        minibatches = self.group.least(min(hyper.minibatches, len(alive)))
         for _ in range(hyper.epochs):
             for states in np.array_split(rng.permutation(alive), minibatches):
                 stats = self._step(data, np.sort(states), advantages, old, aim)
@@ -138,14 +138,14 @@ class Learner:
         return dict(zip(("policy_loss", "value_loss", "entropy", "kl"), stats.tolist())) | {"grad_norm": norm.item()}
 
     def _share_gradients(self, stats):
-        """The crew's mean of gradients and statistics; what one process had no use for, another may have."""
-        if self.crew.size == 1:
+        """The group's mean of gradients and statistics; what one process had no use for, another may have."""
+        if self.group.size == 1:
             return
         parameters = list(self.method.parameters())
         for parameter in parameters:
             if parameter.grad is None:
                 parameter.grad = torch.zeros_like(parameter)
-        self.crew.average([*(parameter.grad for parameter in parameters), stats])
+        self.group.average([*(parameter.grad for parameter in parameters), stats])
         for parameter in parameters:
             if not parameter.grad.any():  # to Adam a gradient of zero is not the same as none
                 parameter.grad = None

@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from ..mission.observe import Observations
-from .policy import LearnedPolicy
+from .learned_policy import LearnedPolicy
 
 
 class Preferences(NamedTuple):
@@ -28,7 +28,7 @@ class Preferences(NamedTuple):
 def robot_preferences(policy: LearnedPolicy, seen: Observations) -> Preferences:
     """Preferences of the one robot whose row `seen` holds, of the policy's first mission."""
     graphs = policy.builder.robots(seen)
-    _, logits = policy.pilot.score(graphs, policy.public)
+    _, logits = policy.actors.score(graphs, policy.public)
     legal = torch.from_numpy(np.concatenate([graphs.task_legal, graphs.keep_idle[0]]))
     *edges, keep, idle = _shares(torch.cat([logits.task, logits.keep_idle[0]]), legal)
     task = np.zeros(policy.public.shape[1])

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from ..kernels import kernel, reduction
+from ..base.kernels import kernel, reduction
 
 NOTHING = np.float32(0.0)
 
@@ -48,14 +48,14 @@ def edges_where(exist: Tensor) -> Edges:
     return Edges(functional.pad(exist.sum(dim=1).cumsum(dim=0), (1, 0)))
 
 
-def plain_mean(edge, source, receiver, index, ptr):
+def plain_mean(edge, source, receiver, index, ptr) -> Tensor:
     """`Edges.mean` in torch."""
     rows = rows_of(ptr)
     total = torch.zeros_like(receiver).index_add(0, rows, torch.relu(edge + source[index] + receiver[rows]))
     return total / ptr.diff().clamp(min=1)[:, None]
 
 
-def plain_score(edge, source, receiver, weight, index, ptr):
+def plain_score(edge, source, receiver, weight, index, ptr) -> Tensor:
     """`Edges.score` in torch."""
     return torch.relu(edge + source[index] + receiver[rows_of(ptr)]) @ weight
 

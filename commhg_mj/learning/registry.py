@@ -2,13 +2,15 @@
 
 import importlib
 import pkgutil
+from collections.abc import Callable
 
+from ..base.registries import Registry
 from . import methods
 
-METHODS = {}
+METHODS = Registry("method", "commhg_mj.methods", adopt=lambda name, cls: method(name)(cls))
 
 
-def method(name: str):
+def method(name: str) -> Callable[[type], type]:
     """Register the decorated class: a module with `robot`, `operator`, `critic`, `scale` and `communicates`."""
 
     def register(cls):
@@ -19,7 +21,7 @@ def method(name: str):
     return register
 
 
-def find_method(name: str):
+def find_method(name: str) -> type:
     """The class of that name.
 
     Raises:
@@ -27,6 +29,4 @@ def find_method(name: str):
     """
     for module in pkgutil.iter_modules(methods.__path__):
         importlib.import_module(f"{methods.__name__}.{module.name}")
-    if name not in METHODS:
-        raise ValueError(f"unknown method {name!r}: use {', '.join(METHODS)}")
-    return METHODS[name]
+    return METHODS.find(name)

@@ -5,10 +5,10 @@ from typing import NamedTuple
 import numpy as np
 import torch
 
+from ..base.terms import KEEP, REST
 from ..mission.batch import MissionBatch
 from ..mission.decide import Decisions
 from ..policies.schedule import follow_schedule
-from ..terms import KEEP, REST
 from .advantage import estimate_advantages
 from .batches import RobotBatch, join_operators, join_robots, legal_picks, operator_batch, robot_batch
 from .critic import Agents
@@ -50,11 +50,11 @@ class Decided(NamedTuple):
     decisions: Decisions
 
 
-def unchanged(logits):
+def unchanged(logits) -> RobotLogits:
     return logits
 
 
-class Pilot:
+class Actors:
     """Decides for all who are due by a method's actors.
 
     Args:
@@ -135,7 +135,7 @@ class Collector:
 
     def _fly(self, batch):
         self.batch, self.builder = batch, GraphBuilder(batch)
-        self.pilot = Pilot(self.method, self.builder)
+        self.actors = Actors(self.method, self.builder)
         self.public = self.builder.public(batch.state.tasks)
 
     def state_dict(self) -> dict:
@@ -169,8 +169,8 @@ class Collector:
                 world_of[e] = sum(map(len, worlds))
                 worlds.append(self.public[e : e + 1].copy())
             time[over] = 0.0
-            pilot = self.pilot
-            decided = pilot.follow(seen, teacher) if teacher else pilot.decide(seen, self.public, self.rng, is_learning=True)
+            actors = self.actors
+            decided = actors.follow(seen, teacher) if teacher else actors.decide(seen, self.public, self.rng, is_learning=True)
             robots, operators = decided.robots, decided.operators
             missions = np.flatnonzero(~over)
             state_of = np.cumsum(~over) - 1
@@ -214,7 +214,7 @@ class Collector:
         return np.concatenate([value.reshape(n, -1, 2) for value in values], axis=1) * ~batch.over[:, None, None]
 
 
-def from_decisions(robots: RobotGraphs, operators: OperatorGraphs, decisions: Decisions):
+def from_decisions(robots: RobotGraphs, operators: OperatorGraphs, decisions: Decisions) -> tuple:
     """(robots' choices, operators' choices) of decisions that somebody else has made."""
     task = decisions.task.astype(np.int64)
     rows = np.repeat(np.arange(len(task)), np.diff(robots.task_ptr))

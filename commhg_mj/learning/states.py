@@ -4,11 +4,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..kernels import kernel
-from ..mission.access import belief_of, operator_of, robot_of, task_of
+from ..base.kernels import kernel
+from ..base.terms import NOBODY, Activity, Embodiment, Mode, Session, Status
+from ..mission.accessors import belief_of, operator_of, robot_of, task_of
 from ..mission.batch import MissionBatch
 from ..mission.estimate import attempt
-from ..terms import NOBODY, Activity, Embodiment, Mode, Session, Status
 from .graphs import LONG, MINUTE
 
 UGV, FAILED, SERVICED, DONE = int(Embodiment.UGV), int(Activity.FAILED), int(Status.SERVICED), int(Status.DONE)

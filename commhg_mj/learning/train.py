@@ -11,15 +11,15 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from ..files import whole_file
+from ..base.files import whole_file
 from ..policies import POLICIES
 from ..scenarios import Scenario, from_json, to_json
-from .crew import ALONE, Crew, WorkerEnded
 from .critic import ReturnScale
-from .log import Log
+from .distributed import ALONE, ProcessGroup, WorkerEnded
 from .ppo import Aim, Hyper, Learner, check_device
 from .registry import find_method
 from .rollout import Collector
+from .run_log import Log
 from .validation import Validation
 from .weights import load_weights, save_weights
 
@@ -60,14 +60,14 @@ class Training:
 
     Args:
       state: where the run stood, for `resume`; None: at its beginning.
-      crew: of `plan.workers` processes, each with a Training of its own.
+      group: of `plan.workers` processes, each with a Training of its own.
       device: where the networks learn; missions are flown on the CPU.
     """
 
-    def __init__(self, plan: Plan, folder, state: dict | None = None, crew: Crew = ALONE, device: str = "cpu"):
+    def __init__(self, plan: Plan, folder, state: dict | None = None, group: ProcessGroup = ALONE, device: str = "cpu"):
         torch.set_num_threads(1)
-        self.plan, self.folder, self.crew = plan, Path(folder), crew
-        self.rng = np.random.default_rng([plan.seed, crew.rank])
+        self.plan, self.folder, self.group = plan, Path(folder), group
+        self.rng = np.random.default_rng([plan.seed, group.rank])
         torch.manual_seed(plan.seed)
         self.method = find_method(plan.method)()
         self.cpu_before = 0.0  # that the weights to begin with had cost
@@ -75,19 +75,19 @@ class Training:
             self.method.load_state_dict(state["method"])
         elif plan.init:
             self.cpu_before = begin_with(self.method, plan.init)
-        self.learner = Learner(self.method, plan.hyper, crew, device)
-        first = (1 + plan.seed) * TRAINING_SEEDS + crew.rank * (TRAINING_SEEDS // crew.size)
+        self.learner = Learner(self.method, plan.hyper, group, device)
+        first = (1 + plan.seed) * TRAINING_SEEDS + group.rank * (TRAINING_SEEDS // group.size)
         self.collector = Collector(
-            self.method, plan.scenario, first, crew.share(plan.side_by_side), plan.links, plan.limitation, self.rng
+            self.method, plan.scenario, first, group.share(plan.side_by_side), plan.links, plan.limitation, self.rng
         )  # fmt: skip
-        self.updates, self.missions, self.decisions, self.cpu_seconds = 0, 0, 0, 0.0  # of the whole crew
+        self.updates, self.missions, self.decisions, self.cpu_seconds = 0, 0, 0, 0.0  # of the whole group
         self.validation, self.written = Validation(plan.scenario, plan.links, plan.limitation), None
         if state is not None:
             self._go_on_from(state)
 
     def _go_on_from(self, state):
         self.learner.optimizer.load_state_dict(state["optimizer"])
-        mine = state["workers"][self.crew.rank]
+        mine = state["workers"][self.group.rank]
         self.collector.load_state_dict(mine["collector"])
         self.rng.bit_generator.state = mine["rng"]
         self.updates, self.missions, self.decisions, self.cpu_seconds, self.cpu_before = state["counts"]
@@ -106,7 +106,7 @@ class Training:
         """What happened in each update until the run is done, or has cost so much; all that is told is saved."""
         while not self.is_done and self.cpu_seconds + self.cpu_before < cpu_seconds:
             row = self.update()
-            if self.crew.is_first:
+            if self.group.is_first:
                 self.log(row)
             self.save()
             yield row
@@ -121,28 +121,28 @@ class Training:
         teacher = POLICIES["greedy"].make(collector.batch) if aim == "clone" else None
         self.learner.set_rate(1.0 - self.missions / self.plan.missions)
         data = collector.collect(
-            self.crew.share(hyper.decisions), self.method.critic, self.method.scale, hyper.gamma, hyper.lam, hyper.trace, teacher
+            self.group.share(hyper.decisions), self.method.critic, self.method.scale, hyper.gamma, hyper.lam, hyper.trace, teacher
         )  # fmt: skip
         stats = self.learner.update(data, self.rng, aim)
         wrong = ", ".join(f"{name} is {value}" for name, value in stats.items() if not np.isfinite(value))
         if wrong:
             before = f"{self.folder} keeps what was saved before it, to resume or to analyse"
             raise FloatingPointError(f"update {self.updates + 1}: {wrong}: the training has diverged; {before}")
-        recent = collector.scores[-self.crew.share(RECENT) :]
-        missions, twcr, n_recent, decisions, seconds = self.crew.total(
+        recent = collector.scores[-self.group.share(RECENT) :]
+        missions, twcr, n_recent, decisions, seconds = self.group.total(
             len(collector.scores), sum(recent), len(recent), len(data.robot_state), time.process_time() - start
         )  # fmt: skip
         self.updates, self.missions, self.decisions = self.updates + 1, int(missions), self.decisions + int(decisions)
         self.cpu_seconds += seconds
         facts = {"update": self.updates, "missions": self.missions, "decisions": self.decisions, "cpu_seconds": self.cpu_seconds}
         facts |= {"rate": decisions / seconds, "twcr": twcr / n_recent if n_recent else float("nan")}
-        is_time = self.crew.is_first and (self.updates % VALIDATE_EVERY == 0 or self.is_done)
+        is_time = self.group.is_first and (self.updates % VALIDATE_EVERY == 0 or self.is_done)
         return facts | {"validation": self.validation.score(self.method) if is_time else float("nan")} | stats
 
     def save(self) -> None:
-        """Write the run's weights, then its state, and nothing half; the state is what counts. The whole crew calls it."""
-        workers = self.crew.gather({"collector": self.collector.state_dict(), "rng": self.rng.bit_generator.state})
-        if not self.crew.is_first:
+        """Write the run's weights, then its state, and nothing half; the state is what counts. The whole group calls it."""
+        workers = self.group.gather({"collector": self.collector.state_dict(), "rng": self.rng.bit_generator.state})
+        if not self.group.is_first:
             return
         self.folder.mkdir(parents=True, exist_ok=True)
         save_weights(self.method, self.folder / WEIGHTS, self.facts())
@@ -166,11 +166,11 @@ class Training:
         self.written.write(row)
 
     @classmethod
-    def resume(cls, folder, crew: Crew = ALONE, device: str = "cpu") -> "Training":
+    def resume(cls, folder, group: ProcessGroup = ALONE, device: str = "cpu") -> "Training":
         """The run in a folder, where it stood.
 
         Raises:
-          ValueError: there is none, or it is damaged or foreign, or another crew's; the message names it.
+          ValueError: there is none, or it is damaged or foreign, or another group's; the message names it.
         """
         check_device(device)
         path = Path(folder) / STATE
@@ -180,10 +180,10 @@ class Training:
             plan = plan_from_json(state["plan"]) if is_ours else None
         if not is_ours:
             raise ValueError(f"{path} is of another format: {state['format']}")
-        if plan.workers != crew.size:
-            raise ValueError(f"{path} is a run of {plan.workers} workers, not {crew.size}: see learning.crew.crew_of")
+        if plan.workers != group.size:
+            raise ValueError(f"{path} is a run of {plan.workers} workers, not {group.size}: see learning.group.process_group")
         with _naming(path):
-            return cls(plan, folder, state, crew, device)
+            return cls(plan, folder, state, group, device)
 
 
 @contextmanager

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..mission.batch import MissionBatch
 from ..policies import POLICIES
-from .policy import LearnedPolicy
+from .learned_policy import LearnedPolicy
 
 FIRST, N_MISSIONS = 50_000, 20  # seeds; neither training nor evaluation flies them
 

@@ -5,8 +5,9 @@ from pathlib import Path
 
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
+from torch import nn
 
-from ..files import whole_file
+from ..base.files import whole_file
 from .graphs import N_OPERATOR, N_PEER, N_PUBLIC, N_REPORT, N_RESOURCE, N_ROBOT, N_TASK_EDGE
 from .registry import find_method
 from .states import N_GLOBAL, N_STATE_OPERATOR, N_STATE_ROBOT, N_STATE_TASK
@@ -24,7 +25,7 @@ def save_weights(method, path, facts: dict) -> None:
         draft.write_bytes(save(tensors, metadata))  # its own writer lets nobody else read the file
 
 
-def load_weights(path):
+def load_weights(path) -> tuple[nn.Module, dict]:
     """(method, facts) of a file that `save_weights` wrote.
 
     Raises:

@@ -5,12 +5,12 @@ Every API of the package and training go through this class and its kernels.
 
 import numpy as np
 
-from ..kernels import kernel
+from ..base.kernels import ensure_compiled, kernel
+from ..base.terms import IDLE, KEEP, NOBODY, REST
 from ..models.world import World, make_world
-from ..radio.rules import OWN_MODELS, radio_rules
+from ..radio.link_models import OWN_MODELS, radio_rules
 from ..scenarios import Scenario, load_scenario
-from ..terms import IDLE, KEEP, NOBODY, REST
-from .access import operator_of, robot_of
+from .accessors import operator_of, robot_of
 from .decide import (
     ILLEGAL,
     N_ROBOT_RULES,
@@ -23,8 +23,8 @@ from .decide import (
     new_masks,
 )
 from .draw import draw_mission, initialize
-from .log import new_log
 from .observe import Observations, new_observations, observe_operator, observe_robot
+from .recorder import new_log
 from .score import Score, score_missions
 from .state import State, ground_of, new_state, wire, write_rules
 from .tick import advance
@@ -92,6 +92,7 @@ class MissionBatch:
             raise ValueError("seeds: at least one mission is needed")
         self.links, self.limitation, self.record = links, limitation, record
         radio_rules(self.scenario, links, limitation)  # refuses both by name before any world is made
+        ensure_compiled()
         self.worlds: list[World] = [make_world(self.scenario, seed) for seed in self.seeds]
         self._grounds = [ground_of(world, links) for world in self.worlds]
         self.reset()

@@ -1,8 +1,8 @@
 """Operators: bids, handover, leases and fatigue (docs/benchmark.md, section 5)."""
 
-from ..kernels import kernel
-from ..terms import NOBODY, Activity, Kind, Mode, Session
-from .access import downlink_of, operator_of, robot_of, task_of, uplink_of
+from ..base.kernels import kernel
+from ..base.terms import NOBODY, Activity, Kind, Mode, Session
+from .accessors import downlink_of, operator_of, robot_of, task_of, uplink_of
 from .records import stop_ageing
 from .state import NEVER
 from .transport import displace, enqueue

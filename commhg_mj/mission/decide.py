@@ -4,12 +4,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..kernels import kernel
-from ..terms import IDLE, KEEP, NOBODY, REST, Kind, Session
-from .access import belief_of, operator_of, robot_of, task_of, uplink_of
+from ..base.kernels import kernel
+from ..base.terms import IDLE, KEEP, NOBODY, REST, Kind, Session
+from .accessors import belief_of, operator_of, robot_of, task_of, uplink_of
 from .control import bid, renew, withdraw
-from .log import log_operator_decision, log_robot_decision
 from .observe import OPERATOR_SEES, ROBOT_SEES
+from .recorder import log_operator_decision, log_robot_decision
 from .service import drop_task, take_task
 from .transport import broadcast, displace, enqueue
 

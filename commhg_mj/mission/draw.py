@@ -3,14 +3,14 @@
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from ..kernels import kernel
+from ..base.kernels import kernel
+from ..base.terms import NOBODY, Embodiment, TaskType
 from ..models.world import World
 from ..radio import LinkModel
-from ..terms import NOBODY, Embodiment, TaskType
-from .access import robot_of, task_of
+from .accessors import robot_of, task_of
 from .estimate import expected_utility
-from .log import log_tick
 from .observe import TASK_SEEN, observe_tasks
+from .recorder import log_tick
 from .records import is_compatible
 from .service import take_task
 from .state import NEVER

@@ -1,6 +1,6 @@
 """What a task is worth to a robot, as far as rules and public attributes tell (initializer, references)."""
 
-from ..kernels import kernel
+from ..base.kernels import kernel
 from .service import autonomous_seconds, autonomous_success, controlled_success, slowdown, timeliness
 
 

@@ -8,11 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..base.elementary import distance
-from ..kernels import kernel
+from ..base.elementary_functions import distance
+from ..base.kernels import kernel
+from ..base.terms import NOBODY, Embodiment, Kind, Mode, Session
 from ..models.routes import measure_goals
-from ..terms import NOBODY, Embodiment, Kind, Mode, Session
-from .access import (
+from .accessors import (
     belief_of,
     operator_of,
     peer_of,

@@ -8,7 +8,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from ..kernels import kernel
+from ..base.kernels import kernel
 
 
 class Event(IntEnum):

@@ -3,9 +3,9 @@
 Newer evidence replaces older, relaying refreshes nothing, completion is terminal.
 """
 
-from ..kernels import kernel
-from ..terms import Activity, Embodiment, Status, TaskType
-from .access import belief_of, copy_record, inbox_of, peer_of, robot_of, routes_of, task_of
+from ..base.kernels import kernel
+from ..base.terms import Activity, Embodiment, Status, TaskType
+from .accessors import belief_of, copy_record, inbox_of, peer_of, robot_of, routes_of, task_of
 from .state import NEVER
 
 OPEN, DONE, SERVICING = int(Status.OPEN), int(Status.DONE), int(Activity.SERVICING)
@@ -50,22 +50,6 @@ def learn_task(m, receiver, task, task_type, status, progress, time, sensed):
     belief.sensed = sensed
     if receiver < m.n_robots and robot_of(m, receiver).task == task and is_ruled_out(m, receiver, task):
         robot_of(m, receiver).due = 1
-
-
-@kernel
-def write_peer(m, record, r, time):
-    """Fill a record with robot r's true state, as it reports it itself."""
-    robot = robot_of(m, r)
-    record.time = time
-    record.x = robot.x
-    record.y = robot.y
-    record.activity = robot.activity
-    record.mode = robot.mode
-    record.controller = robot.controller
-    record.task = robot.task
-    # On its way a robot knows nothing of its task's progress.
-    record.progress = task_of(m, robot.task).progress if robot.activity == SERVICING else 0.0
-    record.request_time = NEVER
 
 
 @kernel
@@ -117,31 +101,3 @@ def sense(m, r, now):
             task = task_of(m, j)
             if task.released:
                 learn_task(m, r, j, task.type, task.status, task.progress, float(now), 1)
-
-
-@kernel
-def freshness(belief, task, own_task):
-    """Evidence time; the sender's own task goes before others of the same second."""
-    return belief.time + (0.5 if task == own_task else 0.0)
-
-
-@kernel
-def freshest(m, r, only_sensed, limit, message):
-    """Copy robot r's `limit` freshest task records into a message, newest first."""
-    own, count = robot_of(m, r).task, 0
-    for j in range(m.n_tasks):
-        belief = belief_of(m, r, j)
-        if belief.time < 0.0 or (only_sensed and not belief.sensed) or limit == 0:
-            continue
-        rank = freshness(belief, j, own)
-        if count == limit and rank <= freshness(message.belief[count - 1], message.task[count - 1], own):
-            continue
-        k = count if count < limit else limit - 1
-        while k > 0 and freshness(message.belief[k - 1], message.task[k - 1], own) < rank:
-            message.belief[k] = message.belief[k - 1]
-            message.task[k] = message.task[k - 1]
-            k -= 1
-        message.belief[k] = belief
-        message.task[k] = j
-        count = min(count + 1, limit)
-    message.records = count

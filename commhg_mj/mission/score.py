@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..base.elementary import exp
-from ..terms import Activity, Fate, Kind
+from ..base.elementary_functions import exp
+from ..base.terms import Activity, Fate, Kind
 
 
 @dataclass(frozen=True)
@@ -80,6 +80,5 @@ def _mean_age(inboxes):
 
 def _message_counts(counters):
     counts = {name: int(counters[name]) for name in ("attempted", "sent", "bytes", "late")}
-    counts.update({fate.name.lower(): int(counters["fate"][fate]) for fate in Fate})
-    counts["mean_latency"] = int(counters["latency_sum"]) / max(1, counts["delivered"])
-    return counts
+    counts |= {fate.name.lower(): int(counters["fate"][fate]) for fate in Fate}
+    return counts | {"mean_latency": int(counters["latency_sum"]) / max(1, counts["delivered"])}

@@ -1,10 +1,10 @@
 """Robots at work: travel, arrival, service and its outcome (docs/benchmark.md, sections 3 and 4)."""
 
-from ..base.elementary import distance, exp
-from ..kernels import kernel
+from ..base.elementary_functions import distance, exp
+from ..base.kernels import kernel
+from ..base.terms import NOBODY, Activity, Embodiment, Mode, Status
 from ..models.routes import DIRECT, best_start, find_visible, is_clear
-from ..terms import NOBODY, Activity, Embodiment, Mode, Status
-from .access import operator_of, robot_of, routes_of, scratch_of, task_of
+from .accessors import operator_of, robot_of, routes_of, scratch_of, task_of
 from .randomness import Event, uniform
 from .records import is_compatible
 

@@ -10,14 +10,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..base.elementary import expm1, log1p
-from ..kernels import record
+from ..base.elementary_functions import expm1, log1p
+from ..base.kernels import record
+from ..base.terms import Fate, Kind
 from ..models.routes import new_scratch
 from ..models.world import World
+from ..radio.link_models import RADIO, radio_rules
 from ..radio.obstacles import make_obstacles
-from ..radio.rules import RADIO, radio_rules
 from ..scenarios import Scenario
-from ..terms import Fate, Kind
 
 NEVER = -1.0
 MAX_SHARED = 8  # task records in one message
@@ -35,7 +35,7 @@ RULES = record(  # a scenario's numbers as the kernels read them
     refusal="f8", pending_cost="f8", switch_cost="f8", incompatible_cost="f8", conflict_cost="f8",
 )  # fmt: skip
 
-# Where the arrays of one mission lie (mission/access.py): its state, its world, scratch, its log.
+# Where the arrays of one mission lie (mission/accessors.py): its state, its world, scratch, its log.
 ADDRESSES = (
     "robots_at", "operators_at", "tasks_at", "beliefs_at", "peers_at", "inboxes_at", "resources_at", "tips_at", "uplinks_at",
     "downlinks_at", "air_at", "flying_at", "counters_at", "frames_at", "kinds_at", "canopies_at", "mountains_at", "calls_at",
@@ -105,7 +105,7 @@ COUNTERS = record(  # one a message kind
     attempted="i8", sent="i8", bytes="i8", late="i8", latency_sum="i8", fate=("i8", (len(Fate),)),
 )  # fmt: skip
 
-# What a recorded mission writes down (mission/log.py).
+# What a recorded mission writes down (mission/recorder.py).
 ROBOT_ROW = record(
     x="f4", y="f4", progress="f4", tokens="f4", task="i2", choice="i2", activity="i1", mode="i1", controller="i1",
     broadcast="i1", query="i1", request="i1",
@@ -251,7 +251,7 @@ def write_rules(missions, scenario: Scenario, links: str, limitation: str) -> No
     rules = missions["rules"]
     for table in (scenario.tasks, scenario.operators, transport, scenario.decisions, scenario.reward):
         for name in table.__dataclass_fields__:
-            if name in RULES.names:
+            if name in (RULES.names or ()):
                 rules[name] = getattr(table, name)
     rules["radio"] = radio_rules(scenario, links, limitation)
     rules["time_limit"] = limit

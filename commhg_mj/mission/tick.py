@@ -1,9 +1,9 @@
 """The tick: one second of one mission, rule by rule."""
 
-from ..kernels import kernel
+from ..base.kernels import kernel
+from ..base.terms import Activity, Kind, Mode, Status
 from ..radio.links import PERFECT
-from ..terms import Activity, Kind, Mode, Status
-from .access import (
+from .accessors import (
     belief_of,
     copy_record,
     downlink_of,
@@ -17,8 +17,8 @@ from .access import (
     tip_of,
 )
 from .control import advance_sessions, break_robot, receive_command, tire
-from .log import log_tick
 from .randomness import Event, uniform
+from .recorder import log_tick
 from .records import age_records, is_compatible, learn_peer, learn_task, sense
 from .service import drop_task, reject_task, serve, travel
 from .state import NEVER

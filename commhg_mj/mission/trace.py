@@ -10,13 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..files import whole_file
+from ..base.files import whole_file
+from ..base.terms import Kind
 from ..radio import find_link_model
 from ..scenarios import LIMITATIONS, Scenario, from_json, to_json
-from ..terms import Kind
 from . import state as s
 from .batch import MissionBatch, check_seed
-from .log import SAMPLE_PERIOD
+from .recorder import SAMPLE_PERIOD
 from .score import twcr
 
 FORMAT = 1
@@ -256,6 +256,6 @@ def _expected(scenario, ticks, n_messages) -> dict:
         ("record_resource", s.RESOURCE_ROW, (samples, r, h)),
     )  # fmt: skip
     for prefix, row, shape in tables:
-        columns = (name for name in row.names if prefix != "robot" or name not in "xy")
+        columns = (name for name in row.names or () if prefix != "robot" or name not in "xy")
         arrays |= {f"{prefix}_{name}": (row[name], shape) for name in columns}
     return arrays

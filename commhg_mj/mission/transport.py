@@ -4,13 +4,12 @@ Every message ends in exactly one `Fate`. Stations' ends of links are numbered a
 h is address R + h, the station's shared table R + H.
 """
 
-from ..base.elementary import distance
-from ..kernels import kernel
+from ..base.elementary_functions import distance
+from ..base.kernels import kernel
+from ..base.terms import NOBODY, Activity, Fate, Kind
 from ..radio.links import fates
-from ..terms import NOBODY, Activity, Fate, Kind
-from .access import (
+from .accessors import (
     belief_of,
-    copy_record,
     counters_of,
     downlink_of,
     flying_of,
@@ -21,11 +20,10 @@ from .access import (
     tip_of,
     uplink_of,
 )
-from .links import link_between, link_to_station
-from .log import log_end, log_message, log_sent
+from .messages import choose_tip, copy_payload, write_broadcast, write_reply, write_telemetry
+from .propagation import link_between, link_to_station
 from .randomness import Event, uniform
-from .records import freshest, write_peer
-from .replies import choose_tip, write_reply
+from .recorder import log_end, log_message, log_sent
 from .state import NEVER
 
 BROADCAST, TELEMETRY = int(Kind.BROADCAST), int(Kind.TELEMETRY)
@@ -157,20 +155,9 @@ def broadcast(m, r, now):
         slot = transmit(m, BROADCAST, r, best[k], shares[k], line, now)
         if slot != NOBODY and first == NOBODY:
             first = slot
-            write_peer(m, message_at(m, slot).robot, r, now)
-            freshest(m, r, False, rules.broadcast_records, message_at(m, slot))
+            write_broadcast(m, message_at(m, slot), r, now)
         elif slot != NOBODY:
             copy_payload(message_at(m, first), message_at(m, slot))
-
-
-@kernel
-def copy_payload(source, target):
-    """The same content for another receiver of one broadcast."""
-    copy_record(target.robot, source.robot)
-    target.records = source.records
-    for k in range(source.records):
-        target.task[k] = source.task[k]
-        target.belief[k] = source.belief[k]
 
 
 @kernel
@@ -194,8 +181,7 @@ def serve_uplink(m, r, now):
             continue
         message = message_at(m, slot)
         if kind == TELEMETRY:
-            write_peer(m, message.robot, r, now)
-            freshest(m, r, True, rules.telemetry_records, message)
+            write_telemetry(m, message, r, now)
         elif kind == REQUEST:
             message.robot.request_time = robot.last_request
 

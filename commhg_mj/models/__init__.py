@@ -1,0 +1,1 @@
+"""MuJoCo worlds: layout, terrain, ground routes, MJCF and rays."""

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..kernels import kernel
+from ..base.kernels import kernel
 
 
 @kernel

@@ -10,10 +10,10 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
-from ..base.elementary import cos, distance, sin
-from ..heightmap import PLAIN
+from ..base.elementary_functions import cos, distance, sin
+from ..base.terms import Footprint
 from ..scenarios import Scenario
-from ..terms import Footprint
+from ..scenarios.heightmap import PLAIN
 from .relief import cover, height_share
 from .terrain import SURFACE_NODES
 
@@ -104,12 +104,12 @@ def draw_layout(scenario: Scenario, rng: np.random.Generator) -> Layout:
         places = _station_places(*relief, rules.ugv_radius)  # the usual place, where it is one of them
         station = np.round(places[distance(*(places - station).T).argmin()], 2)
     else:
-        mountains = _draw_mountains(scenario, station, rng)
+        mountains, surfaces = _draw_mountains(scenario, station, rng), None
     forests = _draw_forests(scenario, station, mountains, rng)
     starts = station + _row(scenario.n_robots, min(0.01, 0.16 / scenario.n_robots) * side, 0.015 * side)
     # On a crowded map a part may still reach the station or the starting places: it is left out.
     forests = _off(forests, rules.ugv_radius, [station, *starts])
-    if not rules.heightmap:
+    if surfaces is None:
         mountains = _off(mountains, rules.ugv_radius, [station, *starts])
         surfaces = [_draw_surface(part, rng) for part in mountains]
     return Layout(

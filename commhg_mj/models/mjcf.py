@@ -7,18 +7,17 @@ body with a hinge of the same name: set its qpos (rad) to spin it. A POI's geoms
 """
 
 import zlib
-from enum import IntEnum
 from pathlib import Path
 
 import cv2
 import mujoco
 import numpy as np
 
-from ..files import whole_file
-from ..terms import TaskType
+from ..base.files import whole_file
+from ..base.terms import TaskType
 from . import meshes, textures
-from .cameras import add_cameras
-from .layout import Layout
+from .obstacle_model import Group, add_canopies, add_geom, add_mesh, add_mountains
+from .viewpoints import add_cameras
 from .world import World
 
 XML = Path(__file__).parent.parent / "xml"
@@ -30,17 +29,7 @@ TYPE_COLOURS = {  # distinguishable with every kind of colour vision; robots wea
     TaskType.GENERAL: (0.95, 0.42, 0.80),
 }
 BEAM_ALPHA = 0.35
-RAY_MEMORY = 1 << 16  # B to compute in: MuJoCo takes 13 MB where nobody says so
 PAD_TOP = 0.05  # m at scale 1: the floor of station.xml
-
-
-class Group(IntEnum):
-    """Geom groups, for `MjvOption.geomgroup` and the `geomgroup` of mj_ray."""
-
-    GROUND = 0
-    MOUNTAIN = 1  # one surface for rays and pictures
-    VISUAL = 2  # robots, station, operators, POIs, trees, far ground: never hit by radio rays
-    CANOPY = 4  # cylinders for rays only; pictures hide them. Opaque enough for mj_ray, which skips alpha 0
 
 
 def display_scale(side: float) -> float:
@@ -73,7 +62,7 @@ def build_spec(world: World, pictures: bool = True) -> mujoco.MjSpec:
     side = world.layout.side
     spec.stat.extent, spec.stat.center, spec.stat.meansize = side / 2, [side / 2, side / 2, 0], side / 500
     _add_ground(spec, world, pictures)
-    _add_canopies(spec, world.layout)
+    add_canopies(spec, world.layout)
     _add_robots(spec, world, pictures)
     _add_station(spec, world, pictures)
     _add_pois(spec, world, pictures)
@@ -84,60 +73,14 @@ def build_spec(world: World, pictures: bool = True) -> mujoco.MjSpec:
     return spec
 
 
-def build_obstacles(layout: Layout) -> mujoco.MjModel:
-    """The compiled mountains and canopies alone, with the names and groups that they have in `build_model`."""
-    spec = mujoco.MjSpec()
-    spec.memory = RAY_MEMORY
-    _add_mountains(spec, layout, {})
-    _add_canopies(spec, layout)
-    return spec.compile()
-
-
-def _geom(body, kind, group, **attributes):
-    """A geom that nothing collides with."""
-    kind = getattr(mujoco.mjtGeom, f"mjGEOM_{kind.upper()}")
-    return body.add_geom(type=kind, group=group, contype=0, conaffinity=0, **attributes)
-
-
-def _add_mesh(spec, name, mesh, smooth=False):
-    """A mesh asset. Most meshes here are open, hence no volume; MuJoCo counts v from the picture's top."""
-    asset = spec.add_mesh(
-        name=name,
-        uservert=mesh.vertices.ravel(),
-        userface=mesh.faces.ravel(),
-        usertexcoord=np.abs(mesh.uv - [0, 1]).ravel(),
-        userfacetexcoord=mesh.faces.ravel(),
-        inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
-    )
-    asset.smoothnormal = smooth
-
-
 def _add_ground(spec, world, pictures):
     """The plain and the mountains upon it; both take their colour from the terrain texture."""
     layout = world.layout
     material = {"material": "terrain"} if pictures else {}
     centre, half = [layout.side / 2, layout.side / 2, 0], meshes.TERRAIN_REACH * layout.side / 2
     size = [half, half, half / 8]
-    _geom(spec.worldbody, "plane", Group.GROUND, name="ground", pos=centre, size=size, **material)
-    _add_mountains(spec, layout, material)
-
-
-def _add_mountains(spec, layout, material):
-    """One mesh a mountain, its surface alone."""
-    for i, (part, surface) in enumerate(zip(layout.mountains, layout.surfaces)):
-        name = f"mountain{i}"
-        _add_mesh(spec, name, meshes.mountain_mesh(part, surface, layout.side), smooth=True)
-        pos = [part["x"], part["y"], 0]
-        _geom(spec.worldbody, "mesh", Group.MOUNTAIN, name=name, meshname=name, pos=pos, **material)
-
-
-def _add_canopies(spec, layout):
-    """One cylinder a forest disc, from the ground to the canopy's top: P.833 counts woodland, trunks included."""
-    for i, part in enumerate(layout.forests):
-        half = part["height"] / 2
-        pos, size = [part["x"], part["y"], half], [part["a"], half, 0]
-        rgba = [0.2, 0.6, 0.2, 0.3]
-        _geom(spec.worldbody, "cylinder", Group.CANOPY, name=f"canopy{i}", pos=pos, size=size, rgba=rgba)
+    add_geom(spec.worldbody, "plane", Group.GROUND, name="ground", pos=centre, size=size, **material)
+    add_mountains(spec, layout, material)
 
 
 def _name_geoms(spec):
@@ -188,7 +131,7 @@ def _add_pois(spec, world, pictures):
     """A disc, a beam and a marker of the type's shape and colour at every POI, on the ground or the mountain."""
     size = max(0.5, world.layout.side / 320)
     if pictures:
-        _add_mesh(spec, "diamond", meshes.diamond_mesh(1.25 * size))
+        add_mesh(spec, "diamond", meshes.diamond_mesh(1.25 * size))
     heights = np.round(world.layout.ground_height(world.pois), 2)
     for i, (poi, height, poi_type) in enumerate(zip(world.pois, heights, world.poi_types)):
         body = spec.worldbody.add_body(name=f"poi{i}", pos=[*poi, height])
@@ -201,16 +144,16 @@ def _add_poi_geoms(body, name, size, poi_type):
     top = 7 * size
     style = {"rgba": [*colour, 1], "material": "poi"}
     disc, beam = [1.3 * size, 0.04 * size, 0], [0.14 * size, top / 2, 0]
-    _geom(body, "cylinder", Group.VISUAL, name=f"{name}/disc", pos=[0, 0, 0.08 * size], size=disc, **style)
+    add_geom(body, "cylinder", Group.VISUAL, name=f"{name}/disc", pos=[0, 0, 0.08 * size], size=disc, **style)
     faint = {"rgba": [*colour, BEAM_ALPHA], "material": "beam"}
-    _geom(body, "cylinder", Group.VISUAL, name=f"{name}/beam", pos=[0, 0, top / 2], size=beam, **faint)
+    add_geom(body, "cylinder", Group.VISUAL, name=f"{name}/beam", pos=[0, 0, top / 2], size=beam, **faint)
     style |= {"name": f"{name}/marker", "pos": [0, 0, top]}
     if SHAPES[poi_type] == "diamond":
-        _geom(body, "mesh", Group.VISUAL, meshname="diamond", **style)
+        add_geom(body, "mesh", Group.VISUAL, meshname="diamond", **style)
     elif SHAPES[poi_type] == "cube":
-        _geom(body, "box", Group.VISUAL, size=[0.8 * size] * 3, **style)
+        add_geom(body, "box", Group.VISUAL, size=[0.8 * size] * 3, **style)
     else:
-        _geom(body, "sphere", Group.VISUAL, size=[size, 0, 0], **style)
+        add_geom(body, "sphere", Group.VISUAL, size=[size, 0, 0], **style)
 
 
 def _add_scenery(spec, world):
@@ -225,8 +168,8 @@ def _add_scenery(spec, world):
     _add_texture(spec, "sky", textures.sky_image(rng), mujoco.mjtTexture.mjTEXTURE_SKYBOX)
     spec.texture("sky").gridsize, spec.texture("sky").gridlayout = [6, 1], "RLUDFB"  # for the written file
     centre = [layout.side / 2, layout.side / 2, 0]
-    _add_mesh(spec, "horizon", meshes.horizon_mesh(layout.side, rng))
-    _geom(spec.worldbody, "mesh", Group.VISUAL, name="horizon", meshname="horizon", pos=centre, material="horizon")
+    add_mesh(spec, "horizon", meshes.horizon_mesh(layout.side, rng))
+    add_geom(spec.worldbody, "mesh", Group.VISUAL, name="horizon", meshname="horizon", pos=centre, material="horizon")
     _add_forest(spec, forest, rng)
 
 
@@ -239,14 +182,14 @@ def _add_forest(spec, forest, rng):
     """The clumps as meshes, then a tinted copy at every place, turned by quarters (exact in XML)."""
     shapes = meshes.tree_shapes(rng)
     for i, trees in enumerate(forest.clumps):
-        _add_mesh(spec, f"trees{i}", meshes.clump_mesh(trees, shapes, rng))
+        add_mesh(spec, f"trees{i}", meshes.clump_mesh(trees, shapes, rng))
     half = 0.5**0.5
     quats = [[1, 0, 0, 0], [half, 0, 0, half], [0, 0, 0, 1], [half, 0, 0, -half]]
     for i, (index, x, y, turns, tint) in enumerate(forest.places):
         rgba = np.round([0.9 + 0.1 * tint, 0.92 - 0.06 * tint, 0.9 - 0.1 * tint, 1], 2)
         mesh, quat = f"trees{int(index)}", quats[int(turns)]
         style = {"meshname": mesh, "material": "foliage", "rgba": rgba}
-        _geom(spec.worldbody, "mesh", Group.VISUAL, name=f"trees{i}", pos=[x, y, 0], quat=quat, **style)
+        add_geom(spec.worldbody, "mesh", Group.VISUAL, name=f"trees{i}", pos=[x, y, 0], quat=quat, **style)
 
 
 def write_world(world: World, path) -> None:

@@ -13,9 +13,9 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from ..base.elementary import distance
+from ..base.elementary_functions import distance
 from .layout import Layout, surface_half_width
-from .mjcf import Group, build_obstacles
+from .obstacle_model import Group, build_obstacles
 from .rays import CALLS, CANOPY, RayArrays
 from .terrain import MOUNTAIN, SURFACE_NODES
 
@@ -69,7 +69,7 @@ def ray_functions() -> tuple[int, int]:
     """Addresses of mju_rayGeom and mj_rayMesh."""
     try:
         library = ctypes.CDLL(str(next(Path(mujoco.__file__).parent.glob("libmujoco*.*"))))
-        return tuple(ctypes.cast(function, ctypes.c_void_p).value for function in (library.mju_rayGeom, library.mj_rayMesh))
+        return _address(library.mju_rayGeom), _address(library.mj_rayMesh)
     except (OSError, AttributeError, StopIteration) as error:
         warnings.warn(f"libmujoco cannot be loaded ({error}): rays are cast through Python, slowly", stacklevel=2)
         return python_ray_functions()
@@ -77,7 +77,11 @@ def ray_functions() -> tuple[int, int]:
 
 def python_ray_functions() -> tuple[int, int]:
     """Addresses of stand-ins for mju_rayGeom and mj_rayMesh that call MuJoCo through Python."""
-    return tuple(ctypes.cast(function, ctypes.c_void_p).value for function in (_ray_geom, _ray_mesh))
+    return _address(_ray_geom), _address(_ray_mesh)
+
+
+def _address(function) -> int:
+    return ctypes.cast(function, ctypes.c_void_p).value or 0
 
 
 def _vector(address, n=3):

@@ -11,7 +11,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from ..kernels import kernel, record
+from ..base.kernels import kernel, record
 from .intervals import crossing, insert_interval, union_length
 from .terrain import MOUNTAIN
 
@@ -36,7 +36,7 @@ class RayArrays(NamedTuple):
 NO_RAYS = RayArrays(np.zeros(0, CANOPY), np.zeros(0, MOUNTAIN), np.zeros(1, CALLS))
 
 
-def call_address(context, builder, signature, arguments):
+def call_address(context, builder, signature, arguments) -> ir.CallInstr:
     """Call the C function of a float64 at the address that comes first, with the other arguments."""
     address, *arguments = arguments
     prototype = ir.FunctionType(ir.DoubleType(), [argument.type for argument in arguments])

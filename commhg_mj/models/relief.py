@@ -18,8 +18,8 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
-from ..heightmap import PIXELS, PLAIN, bilinear, brightness
-from ..kernels import kernel
+from ..base.kernels import kernel
+from ..scenarios.heightmap import PIXELS, PLAIN, bilinear, brightness
 
 RAMP = 5  # pixels beyond the map's edge, on which ground that the edge cuts runs out into the plain
 MOST_PARTS = 48

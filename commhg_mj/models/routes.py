@@ -11,8 +11,8 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
-from ..base.elementary import cos, distance, sin
-from ..kernels import kernel
+from ..base.elementary_functions import cos, distance, sin
+from ..base.kernels import kernel
 from .layout import inside_any, unit_frame
 
 CORNERS = 12  # of the polygon around an obstacle part

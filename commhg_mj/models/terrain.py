@@ -7,7 +7,7 @@ path may come a little nearer between them, which changes its loss by hundredths
 
 import numpy as np
 
-from ..kernels import kernel, record
+from ..base.kernels import kernel, record
 from .intervals import crossing
 
 SURFACE_NODES = 33  # a mountain's surface: heights on a square grid of this many nodes a side

@@ -22,7 +22,7 @@ HAZE = (205, 220, 234)  # where ground and sky meet
 AMBIENT = 0.45  # light in full shadow, of the light on open flat ground
 
 
-def smooth(low, high, x):
+def smooth(low, high, x) -> np.ndarray:
     """0 below `low`, 1 above `high`, smooth between."""
     t = np.clip((x - low) / (high - low), 0, 1)
     return t * t * (3 - 2 * t)
@@ -250,7 +250,8 @@ def sky_image(rng: np.random.Generator) -> np.ndarray:
     faces = [(one, -t, -s), (-one, -t, s), (s, one, t), (s, -one, -t), (s, -t, one), (-s, -t, -one)]
     direction = np.concatenate([np.stack(face, axis=-1) for face in faces])
     direction /= np.linalg.norm(direction, axis=-1, keepdims=True)
-    return _sky_colour(*np.moveaxis(direction, -1, 0), rng)
+    x, up, z = np.moveaxis(direction, -1, 0)
+    return _sky_colour(x, up, z, rng)
 
 
 def _sky_colour(x, up, z, rng):

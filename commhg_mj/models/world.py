@@ -4,14 +4,18 @@ import copy
 import weakref
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..base.elementary import distance
+from ..base.elementary_functions import distance
+from ..base.terms import TaskType
 from ..scenarios import Scenario
-from ..terms import TaskType
 from .layout import STATION_CLEARING, Layout, draw_layout
 from .routes import Roadmap, Routes, find_path
+
+if TYPE_CHECKING:
+    from .raymodel import RayModel
 
 TRIES_PER_POI = 2000
 BORDER = 0.02  # of the side: POIs keep off the border
@@ -30,7 +34,7 @@ class World:
     routes: Routes  # ground routes towards the POIs
 
     @cached_property
-    def rays(self):
+    def rays(self) -> "RayModel":
         """The world's `RayModel`, built when it is first asked for: few need MuJoCo."""
         from .raymodel import RayModel
 
@@ -62,7 +66,8 @@ class KeptWorld:
     """
 
     def __init__(self, world: World):
-        self.world, self._first = world, None
+        self.world = world
+        self._first: weakref.ref[World] | None = None
 
     def hand_out(self) -> World:
         """One and the same object as long as somebody holds it."""

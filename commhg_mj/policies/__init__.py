@@ -1,23 +1,100 @@
-"""Reference policies: `policy(observations) -> decisions`, made for one batch of missions (by name: commhg_mj/pilots.py)."""
+"""Policies by name: the references, learned ones, and whatever others add. A policy maps observations to decisions.
+
+A policy of one's own is made for one batch of missions, and flies wherever a name does:
+
+>>> @commhg_mj.policy("mine")
+... class Mine:
+...     def __init__(self, batch): ...
+...     def __call__(self, observations): return commhg_mj.stay(observations)
+"""
 
 from collections.abc import Callable
 from typing import NamedTuple
 
+from ..base.registries import Registry
+from ..mission.batch import MissionBatch
+from ..scenarios import Scenario, load_scenario
+from . import warm  # noqa: F401  says what the first start runs
 from .greedy import Greedy
-from .omniscient import Omniscient
+from .omniscient import Omniscient, every_second
 from .random import Random
-from .warm import ensure_compiled
+
+__all__ = ["POLICIES", "SOURCES", "PolicyInfo", "Source", "conditions_of", "find_policy", "label_of", "policy", "prepare"]
 
 
 class PolicyInfo(NamedTuple):
     make: Callable  # (MissionBatch) -> policy
-    is_privileged: bool  # reads the true state and communicates for free; marked as such everywhere
+    is_privileged: bool = False  # reads the true state and communicates for free; marked as such everywhere
 
 
-POLICIES = {
-    "random": PolicyInfo(Random, False),
-    "greedy": PolicyInfo(Greedy, False),
-    "omniscient": PolicyInfo(Omniscient, True),
-}
+class Source(NamedTuple):
+    """Where policies come from beside the registry: names that carry more than a name, such as files of weights."""
 
-__all__ = ["POLICIES", "PolicyInfo", "ensure_compiled"]
+    find: Callable[[str], PolicyInfo | None]  # None: not of this source; ValueError: refused
+    label: Callable[[str], str | None]  # what one is called in titles and names of files
+    also: str  # what else a name may be, for messages
+
+
+def policy(name: str, is_privileged: bool = False) -> Callable[[Callable], Callable]:
+    """Register the decorated callable, (MissionBatch) -> policy, under a name in this process.
+
+    Args:
+      is_privileged: it reads the true state; such a policy is marked wherever its name appears.
+
+    Raises:
+      ValueError: no name, or that of a reference.
+    """
+    if not isinstance(name, str) or not name or name in REFERENCES:
+        raise ValueError(f"policy {name!r}: the name must be a word other than {', '.join(REFERENCES)}")
+
+    def register(make):
+        POLICIES[name] = PolicyInfo(make, is_privileged)
+        return make
+
+    return register
+
+
+REFERENCES = {"random": PolicyInfo(Random), "greedy": PolicyInfo(Greedy), "omniscient": PolicyInfo(Omniscient, True)}
+POLICIES = Registry("policy", "commhg_mj.policies", REFERENCES, lambda name, make: policy(name)(make))
+SOURCES: list[Source] = []  # learning/pretrained.py's
+
+
+def find_policy(name: str) -> PolicyInfo:
+    """The policy of that name: a reference, a trained method such as "commhg", a path to weights, or one that was added.
+
+    A learned one may lack something: "commhg+no-query", "commhg+random-gates".
+
+    Raises:
+      ValueError: there is none, or the file of weights is refused; the message names it.
+    """
+    if isinstance(name, str) and name in POLICIES:
+        return POLICIES[name]
+    for source in SOURCES:
+        info = source.find(name)
+        if info is not None:
+            return info
+    return POLICIES.find(name, "".join(source.also for source in SOURCES))
+
+
+def label_of(name: str) -> str:
+    """What a policy is called in titles and names of files.
+
+    Raises:
+      ValueError: a file of weights cannot be read; the message names it.
+    """
+    return next(filter(None, (source.label(name) for source in SOURCES)), name)
+
+
+def prepare(
+    name: str, scenario, seeds, links="abstract", limitation="nominal", record=False
+) -> tuple[MissionBatch, Callable]:
+    """(batch, policy) for missions of a scenario; a privileged policy gets its idealised conditions."""
+    info = find_policy(name)
+    scenario, links = conditions_of(name, load_scenario(scenario), links)
+    batch = MissionBatch(scenario, seeds, links, limitation, record)
+    return batch, info.make(batch)
+
+
+def conditions_of(name: str, scenario: Scenario, links: str) -> tuple[Scenario, str]:
+    """(scenario, links) that a policy flies under when these are asked for."""
+    return (every_second(scenario), "perfect") if find_policy(name).is_privileged else (scenario, links)

@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from ..kernels import kernel
+from ..base.kernels import kernel
+from ..base.terms import IDLE, KEEP, NOBODY, REST, Activity, Session, Status
 from ..mission.batch import MissionBatch, stay
 from ..mission.decide import Decisions
 from ..mission.estimate import attempt, control_gain
 from ..mission.observe import Observations
-from ..terms import IDLE, KEEP, NOBODY, REST, Activity, Session, Status
 from .schedule import follow_schedule
 
 SERVICING, RESTING, HELD = int(Activity.SERVICING), int(Session.REST), int(Session.HELD)

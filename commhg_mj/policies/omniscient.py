@@ -9,9 +9,10 @@ import dataclasses
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from ..base.elementary import distance
-from ..kernels import kernel
-from ..mission.access import operator_of, robot_of, routes_of, scratch_of, task_of
+from ..base.elementary_functions import distance
+from ..base.kernels import kernel
+from ..base.terms import IDLE, NOBODY, REST, Activity, Embodiment, Mode
+from ..mission.accessors import operator_of, robot_of, routes_of, scratch_of, task_of
 from ..mission.batch import MissionBatch, stay
 from ..mission.decide import Decisions
 from ..mission.estimate import control_gain
@@ -25,7 +26,7 @@ from ..mission.service import (
     timeliness,
 )
 from ..models.routes import measure_goals
-from ..terms import IDLE, NOBODY, REST, Activity, Embodiment, Mode
+from ..scenarios import Scenario
 
 UGV, CONTROLLED = int(Embodiment.UGV), int(Mode.CONTROLLED)
 FAILED, SERVICING = int(Activity.FAILED), int(Activity.SERVICING)
@@ -62,7 +63,7 @@ class Omniscient:
         return decisions
 
 
-def every_second(scenario):
+def every_second(scenario) -> Scenario:
     """The same scenario with a decision of everybody every second."""
     return dataclasses.replace(
         scenario, decisions=dataclasses.replace(scenario.decisions, robot_period=1, operator_period=1)

@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from ..kernels import kernel
+from ..base.kernels import kernel
+from ..base.terms import IDLE, KEEP, NOBODY, REST
 from ..mission.batch import MissionBatch, stay
 from ..mission.decide import Decisions
 from ..mission.observe import Observations
 from ..mission.randomness import uniform
-from ..terms import IDLE, KEEP, NOBODY, REST
 
 POLICY = 64  # random events of policies; indices: actor, component of its decision
 TASK, SPEAK, ASK, ASSIST = 0, 1, 2, 3

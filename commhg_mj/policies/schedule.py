@@ -4,8 +4,8 @@ Broadcast every ten seconds, telemetry as it falls due, no queries, and a reques
 robot works on a hard task.
 """
 
-from ..kernels import kernel
-from ..terms import NOBODY, Activity
+from ..base.kernels import kernel
+from ..base.terms import NOBODY, Activity
 
 SERVICING = int(Activity.SERVICING)
 BROADCAST_PERIOD = 10.0  # s

@@ -1,9 +1,9 @@
 """The abstract planar link of the paper: range, then metres inside footprints (docs/radio.md)."""
 
-from ..base.elementary import distance, exp
-from ..kernels import kernel
+from ..base.elementary_functions import distance, exp
+from ..base.kernels import kernel
+from ..base.terms import Footprint
 from ..models.intervals import crossing, insert_interval, union_length
-from ..terms import Footprint
 
 FOREST = int(Footprint.FOREST)
 MOUNTAIN = int(Footprint.MOUNTAIN)

@@ -12,13 +12,14 @@ from numba import carray, types
 from numba.core.errors import NumbaError
 from numba.extending import intrinsic
 
-from ..kernels import kernel
+from ..base.kernels import kernel
 from ..models.rays import WORD, call_address
-from ..scenarios import LIMITATIONS, NAME, PROFILES
+from ..scenarios import LIMITATIONS, PROFILES
+from ..scenarios.checks import NAME
 from .abstract import MOUNTAIN, metres_inside
-from .budget import free_space_loss
+from .link_models import LINK, LINK_MODELS, OWN_MODELS
+from .losses import free_space_loss
 from .raycast import APART
-from .rules import LINK, LINK_MODELS, OWN_MODELS
 
 NUMBER, RECORD = types.float64, numba.from_dtype(LINK)
 POINT = types.UniTuple(NUMBER, 3)
@@ -33,7 +34,7 @@ def link_model(name: str) -> Callable[[Callable], Callable]:
     ...     return math.exp(-link.metres / 400.0)
 
     The function says what share of packets of `size` [B] passes between antennas a and b, (x, y, z) [m]; `link` is the
-    LINK record (radio/rules.py) as rays fill it in. It must compile with numba; registering a name again replaces its
+    LINK record (radio/link_models.py) as rays fill it in. It must compile with numba; registering a name again replaces its
     function for batches made or reset afterwards.
 
     Raises:
@@ -53,6 +54,9 @@ def link_model(name: str) -> Callable[[Callable], Callable]:
         return function
 
     return register
+
+
+OWN_MODELS.adopt = lambda name, function: link_model(name)(function)
 
 
 def _compile(name, function):

@@ -4,13 +4,13 @@ The mission asks only when a message is sent. Loss and delay over clear ground b
 level and are the same for every model, so that models differ by obstacles alone (docs/radio.md).
 """
 
-from ..base.elementary import distance
-from ..kernels import kernel
+from ..base.elementary_functions import distance
+from ..base.kernels import kernel
 from ..models.terrain import ground_at
 from .abstract import measure_planar
 from .custom import ask
+from .link_models import LinkModel
 from .raycast import measure_rays
-from .rules import LinkModel
 
 PERFECT, RAYCAST, RAYCAST_SHUFFLED, CUSTOM = (
     int(LinkModel.PERFECT), int(LinkModel.RAYCAST), int(LinkModel.RAYCAST_SHUFFLED), int(LinkModel.CUSTOM),

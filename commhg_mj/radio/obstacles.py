@@ -7,7 +7,7 @@ import numpy as np
 from ..models.layout import unit_frame
 from ..models.rays import NO_RAYS, RAY
 from ..models.world import World
-from .rules import LINK, RAY_MODELS, LinkModel, find_link_model
+from .link_models import LINK, RAY_MODELS, LinkModel, find_link_model
 from .shadowing import draw_waves
 
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from ..kernels import kernel
+from ..base.kernels import kernel
 from ..models.rays import CERTAIN, is_blocked, metres_in_canopies
 from ..models.terrain import NOTHING, add_profile
-from .budget import (
+from .losses import (
     bullington_loss,
     foliage_loss,
     free_space_loss,

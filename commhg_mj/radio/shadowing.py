@@ -7,8 +7,8 @@ positions, and both directions of a link see the same.
 
 import numpy as np
 
-from ..base.elementary import cos, sin
-from ..kernels import kernel
+from ..base.elementary_functions import cos, sin
+from ..base.kernels import kernel
 
 N_WAVES = 64
 STREAM = 3  # separates shadowing's random stream from the world's and the mission's

@@ -13,7 +13,7 @@ ORBIT_PERIOD = 1200.0  # s of the mission for a full circle
 NEAR = 1.0  # m: overlays are clipped this far in front of the camera
 
 
-def check_camera(name: str, scenario):
+def check_camera(name: str, scenario) -> None:
     """Refuse a camera that the mission does not have.
 
     Raises:

@@ -27,7 +27,7 @@ class Canvas:
         self.width, self.height = width, height
         self.pixels = np.zeros((height, width, 4), np.uint8)
 
-    def lines(self, pieces, colour, width=1.0, alpha=1.0):
+    def lines(self, pieces, colour, width=1.0, alpha=1.0) -> None:
         """Polylines, each [k, 2]."""
         pieces = [_fixed(p).reshape(-1, 1, 2) for p in pieces if len(p) > 1]
         if pieces:
@@ -36,25 +36,25 @@ class Canvas:
             ink = _ink(colour, alpha * min(1.0, width))
             cv2.polylines(self.pixels, pieces, False, ink, thickness, cv2.LINE_AA, SHIFT)
 
-    def polygon(self, points, colour, alpha=1.0):
+    def polygon(self, points, colour, alpha=1.0) -> None:
         """A filled convex polygon [k, 2]."""
         cv2.fillConvexPoly(self.pixels, _fixed(points), _ink(colour, alpha), cv2.LINE_AA, SHIFT)
 
-    def outline(self, points, colour, width=1.0, alpha=1.0):
+    def outline(self, points, colour, width=1.0, alpha=1.0) -> None:
         self.lines([np.concatenate([points, points[:1]])], colour, width, alpha)
 
-    def disc(self, centre, radius, colour, alpha=1.0):
+    def disc(self, centre, radius, colour, alpha=1.0) -> None:
         # OpenCV's own small circles look like diamonds.
         self.polygon(np.asarray(centre) + radius * CIRCLE, colour, alpha)
 
-    def ring(self, centre, radius, colour, width=1.0, alpha=1.0, part=1.0):
+    def ring(self, centre, radius, colour, width=1.0, alpha=1.0, part=1.0) -> None:
         """A circle, or the clockwise `part` of it from the top."""
         if part > 0:
             turn = np.linspace(0, 2 * np.pi * min(1.0, part), max(3, int(28 * part) + 1))
             arc = np.stack([np.sin(turn), -np.cos(turn)], axis=-1) * radius + centre
             self.lines([arc], colour, width, alpha)
 
-    def bar(self, x, y, width, height, parts, trough=None):
+    def bar(self, x, y, width, height, parts, trough=None) -> None:
         """A horizontal bar of (share of the width, colour) from left to right over a trough."""
         if trough is not None:
             self.box(x, y, width, height, trough)
@@ -63,12 +63,12 @@ class Canvas:
                 self.box(x, y, share * width, height, colour)
                 x += share * width
 
-    def box(self, x, y, width, height, colour, alpha=1.0):
+    def box(self, x, y, width, height, colour, alpha=1.0) -> None:
         """An upright rectangle, to the nearest pixels."""
         x0, y0, x1, y1 = (max(0, round(v)) for v in (x, y, x + width, y + height))
         self.pixels[y0:y1, x0:x1] = _ink(colour, alpha)
 
-    def panel(self, x, y, width, height, colour, alpha=0.7, radius=6.0):
+    def panel(self, x, y, width, height, colour, alpha=0.7, radius=6.0) -> None:
         """A box with round corners."""
         radius = min(radius, width / 2, height / 2)
         turn = np.linspace(0, np.pi / 2, 9)
@@ -77,7 +77,7 @@ class Canvas:
         rounded = [corner[:: i * j] * (i, j) + (cx - i * radius, cy - j * radius) for cx, cy, i, j in ends]
         self.polygon(np.concatenate(rounded), colour, alpha)
 
-    def text(self, x, baseline, string, size, colour, weight=400, anchor=0.0, halo=0.0):
+    def text(self, x, baseline, string, size, colour, weight=400, anchor=0.0, halo=0.0) -> float:
         """A line of text; `anchor` is the share of its width left of x, `halo` darkens a rim around it.
 
         Returns:

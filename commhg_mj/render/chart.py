@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..terms import NOBODY, Activity, Session, Status, TaskType
+from ..base.terms import NOBODY, Activity, Session, Status, TaskType
 from . import marks
 from . import palette as ink
 from .canvas import Canvas, text_width
@@ -45,7 +45,7 @@ class Chart:
         share = (np.asarray(xy, float) - self.corner) / self.side
         return np.stack([share[..., 0], 1 - share[..., 1]], axis=-1) * self.size
 
-    def believed_task(self, xy, row):
+    def believed_task(self, xy, row) -> None:
         """A row of TASK_SEEN."""
         if row["age"] < 0:
             at, shape = self.pixels(xy), marks.SHAPES[TaskType(row["type"])]
@@ -53,7 +53,7 @@ class Chart:
         else:
             self.task(xy, row["type"], row["status"], row["progress"], opacity(row["age"]))
 
-    def task(self, xy, kind, status, progress, alpha=1.0):
+    def task(self, xy, kind, status, progress, alpha=1.0) -> None:
         """A task whose state is known."""
         at = self.pixels(xy)
         if status == Status.DONE:
@@ -63,7 +63,7 @@ class Chart:
         if status == Status.SERVICED:
             self.canvas.ring(at, self.task_size + 4, ink.INK, 2.0, alpha, part=max(0.04, progress))
 
-    def robot(self, index, xy, task_xy=None, alpha=1.0, note="", failed=False):
+    def robot(self, index, xy, task_xy=None, alpha=1.0, note="", failed=False) -> None:
         """A robot, named, and the line to the task that it heads for."""
         is_actor = index in self.robots
         alpha *= 1.0 if is_actor else BACKGROUND
@@ -78,25 +78,25 @@ class Chart:
         if is_actor:
             self.label(xy, f"{self.world.scenario.robot_names[index]}{note}", colour, 3)
 
-    def plan(self, robot_xy, task_xy, colour=ink.INK):
+    def plan(self, robot_xy, task_xy, colour=ink.INK) -> None:
         """Where the robot that all this is about means to go."""
         self.canvas.lines([self.pixels(np.stack([robot_xy, task_xy]))], colour, 3.0, 0.9)
         self.mark(task_xy)
 
-    def mark(self, xy, colour=ink.DIFFERENT):
+    def mark(self, xy, colour=ink.DIFFERENT) -> None:
         """A ring that points something out."""
         self.canvas.ring(self.pixels(xy), 2.6 * self.task_size, colour, 2.5)
 
-    def control(self, operator, robot_xy, count=0):
+    def control(self, operator, robot_xy, count=0) -> None:
         """A line from the station in the operator's colour; broken into `count` dashes for what is not so (yet)."""
         ends = self.pixels(np.stack([self.world.layout.station, robot_xy]))
         self._line(ends, ink.operator_colour(operator), 2.4, count)
 
-    def ask(self, robot_xy):
+    def ask(self, robot_xy) -> None:
         """A query on its way to the station."""
         self._line(self.pixels(np.stack([robot_xy, self.world.layout.station])), ink.INK, 1.8, 20)
 
-    def label(self, xy, text, colour=ink.INK, priority=1):
+    def label(self, xy, text, colour=ink.INK, priority=1) -> None:
         """A name beside a place; where all does not fit, the most important go first."""
         key = len(self.labels)
         anchor = tuple(self.pixels(xy))
@@ -129,7 +129,7 @@ class Chart:
         self.canvas.text(place.x + 4, place.y + 1.02 * TEXT, text, TEXT, colour, 500)
 
 
-def draw_beliefs(chart: Chart, decision, notes: dict):
+def draw_beliefs(chart: Chart, decision, notes: dict) -> None:
     """What the robot of a decision held true; `notes` are added to the names of tasks."""
     tasks, plan = decision.tasks, decision.plan
     xy = np.stack([tasks["x"], tasks["y"]], axis=-1).astype(float)
@@ -148,7 +148,7 @@ def draw_beliefs(chart: Chart, decision, notes: dict):
         chart.label(xy[j], f"T{j}{note}", ink.INK, 2)
 
 
-def draw_truth(chart: Chart, scene: Scene, named=()):
+def draw_truth(chart: Chart, scene: Scene, named=()) -> None:
     """How things stood; some tasks are named."""
     xy = scene.task_xy
     for j in np.flatnonzero(scene.released):

@@ -4,9 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..mission.log import NOT_DECIDED
+from ..base.terms import IDLE, KEEP, NOBODY, REST
+from ..mission.recorder import NOT_DECIDED
 from ..scenarios import describe
-from ..terms import IDLE, KEEP, NOBODY, REST
 
 ROBOT_COLUMNS = ("robot_choice", "robot_broadcast", "robot_query", "robot_request")
 OPERATOR_COLUMNS = ("operator_choice",)
@@ -23,7 +23,7 @@ class Divergence(NamedTuple):
     right: str
 
 
-def check_same_mission(left, right, names=("left", "right")):
+def check_same_mission(left, right, names=("left", "right")) -> None:
     """Refuse two traces of different missions; `names` are what the message calls them. Their radios may differ.
 
     Raises:

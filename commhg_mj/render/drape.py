@@ -48,7 +48,7 @@ def coverage_drape(probability, label: str) -> Drape:
     return Drape(colours(probability, alpha=ALPHA, bytes=True), label, "0", "1", on_grass.astype(np.uint8))
 
 
-def lay_drape(model, image):
+def lay_drape(model, image) -> None:
     """Blend a drape's image [n, n, 4] into the terrain texture of a compiled world, before it goes to the GPU."""
     terrain = model.texture("terrain").id
     height, width = model.tex_height[terrain], model.tex_width[terrain]

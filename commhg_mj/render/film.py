@@ -5,15 +5,14 @@ from collections import deque
 from collections.abc import Iterable
 from contextlib import closing
 from functools import partial
-from numbers import Integral
 from pathlib import Path
 
 import cv2
 import numpy as np
 
-from ..files import whole_file
+from ..base.files import whole_file
+from ..base.processes import pool_of
 from ..models.world import make_world
-from ..processes import pool_of
 from .cameras import check_camera
 from .canvas import Canvas
 from .divergence import check_same_mission
@@ -33,7 +32,7 @@ SIZES = {1: (1280, 720), 2: (960, 540)}  # pixels of a panel, by their number
 
 def render_video(
     trace, out, camera="overview", size=None, fps=24, speed=20.0, start=0.0, stop=None, workers=2, progress=None, drape=None
-):
+) -> None:
     """Write an H.264 video of a mission.
 
     Args:
@@ -68,7 +67,7 @@ def render_video(
     write_film(out, film, times, size if len(traces) == 1 else joined_size(size), fps, workers, progress)
 
 
-def write_film(out, make_film, times, size, fps, workers=1, progress=None):
+def write_film(out, make_film, times, size, fps, workers=1, progress=None) -> None:
     """Write the pictures [height, width, 3] of a film at `times` [s] as H.264.
 
     Args:
@@ -81,7 +80,7 @@ def write_film(out, make_film, times, size, fps, workers=1, progress=None):
         write_mp4(part, _counted(pictures, len(times), progress), size, fps)
 
 
-def render_image(trace, out, at=0.0, camera="overview", size=None, speed=20.0, drape=None):
+def render_image(trace, out, at=0.0, camera="overview", size=None, speed=20.0, drape=None) -> None:
     """Write a PNG of the mission at `at` seconds: the same picture as a video at `speed` has there.
 
     Raises:
@@ -126,16 +125,16 @@ class Film:
         self.hud.cover(self.canvas)
         return self.canvas.paste(picture)
 
-    def go_on(self, trace):
+    def go_on(self, trace) -> None:
         """Show a longer trace of the same mission from now on."""
         self.timeline = Timeline(trace, self.timeline.lag)
         self.hud.trace = self.hud.minimap.trace = self.overlay.trace = trace
 
-    def forget_labels(self):
+    def forget_labels(self) -> None:
         """Labels may go to other places than in the picture before."""
         self.overlay.slots = {}
 
-    def close(self):
+    def close(self) -> None:
         self.stage.close()
 
 
@@ -212,6 +211,6 @@ def _check(trace, drape, out, ending, camera, size):
 def check_size(size) -> tuple:
     """The size of a picture; ValueError unless it is two even numbers of pixels."""
     values = tuple(size) if isinstance(size, Iterable) else (size,)
-    if len(values) != 2 or not all(isinstance(n, Integral) and SMALLEST <= n <= LARGEST and n % 2 == 0 for n in values):
+    if len(values) != 2 or not all(isinstance(n, (int, np.integer)) and SMALLEST <= n <= LARGEST and n % 2 == 0 for n in values):
         raise ValueError(f"size must be two even numbers in {SMALLEST}..{LARGEST}, is {'x'.join(map(str, values))}")
     return tuple(map(int, values))

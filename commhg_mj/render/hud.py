@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..terms import Activity, Fate, Session
+from ..base.terms import Activity, Fate, Session
 from . import palette as ink
 from .canvas import Canvas, text_width
 from .legend import draw_legend
@@ -49,7 +49,7 @@ class Hud:
             if drape:
                 self._drape_key(drape)
 
-    def draw(self, moment: Moment, projection):
+    def draw(self, moment: Moment, projection) -> None:
         """Bring everything that changes up to date."""
         self._title_bar(moment)
         if self.is_plain:
@@ -60,19 +60,19 @@ class Hud:
             for panel in (self._operators, self._team, self._tasks, self._messages):
                 y = panel(moment, y)
 
-    def cover(self, canvas: Canvas):
+    def cover(self, canvas: Canvas) -> None:
         """Lay the display over another canvas."""
         for x0, y0, x1, y1 in self.boxes:
             canvas.pixels[y0:y1, x0:x1] = self.canvas.pixels[y0:y1, x0:x1]
 
-    def claim(self, x, y, width, height):
+    def claim(self, x, y, width, height) -> tuple:
         """Keep a box, given in units, for the display; returns it in pixels."""
         ends = np.array([x, y, x + width, y + height]) * self.unit
         box = tuple(int(v) for v in np.round(ends))
         self.boxes.add(box)
         return box
 
-    def box(self, x, y, width, height):
+    def box(self, x, y, width, height) -> None:
         """Claim a box given in units and draw its empty panel."""
         u = self.unit
         x0, y0, x1, y1 = self.claim(x, y, width, height)
@@ -88,7 +88,7 @@ class Hud:
         """Width of a text in units."""
         return text_width(string, size * self.unit, weight) / self.unit
 
-    def bar(self, x, y, width, height, parts):
+    def bar(self, x, y, width, height, parts) -> None:
         u = self.unit
         self.canvas.bar(x * u, y * u, width * u, height * u, parts, ink.TROUGH)
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..terms import TaskType
+from ..base.terms import TaskType
 from . import marks
 from . import palette as ink
 
@@ -12,7 +12,7 @@ EDGE = 8
 PADDING = 12
 
 
-def draw_legend(hud):
+def draw_legend(hud) -> None:
     """Draw the strip on the display's canvas, centred; what does not fit is left out."""
     entries, room = [], hud.width - 2 * (EDGE + PADDING) + GAP
     for width, draw in _entries(hud):

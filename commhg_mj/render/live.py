@@ -3,8 +3,8 @@
 import cv2
 import numpy as np
 
-from ..mission.batch import MissionBatch
 from ..mission.trace import make_traces
+from ..models.world import World
 from .cameras import check_camera
 from .film import SHOWN_FOR, Film, check_size
 
@@ -27,16 +27,20 @@ class LiveFilm:
     def __init__(self, scenario, camera="overview", size=(1280, 720)):
         check_camera(camera, scenario)
         self.camera, self.size = camera, check_size(size)
-        self._film = self._world = None
+        self._film: Film | None = None
+        self._world: World | None = None
 
-    def picture(self, batch: MissionBatch) -> np.ndarray:
-        """The first mission of a recorded batch as it stands, [height, width, 3] u1 in red, green, blue.
+    def picture(self, batch) -> np.ndarray:
+        """The first mission of a recorded `MissionBatch`, or of what looks like one, as it stands.
+
+        Returns:
+          [height, width, 3] u1 in red, green, blue.
 
         Raises:
           RuntimeError: OpenGL is missing.
         """
         trace = make_traces(batch, POLICY)[0]
-        if self._world is not batch.worlds[0]:
+        if self._film is None or self._world is not batch.worlds[0]:
             self.close()
             self._film, self._world = Film(trace, self.camera, self.size, SHOWN_FOR * SPEED), batch.worlds[0]
         self._film.go_on(trace)
@@ -46,7 +50,7 @@ class LiveFilm:
         """A copy makes pictures of its own."""
         return self.__dict__ | {"_film": None, "_world": None}
 
-    def close(self):
+    def close(self) -> None:
         if self._film:
             self._film.close()
         self._film = self._world = None

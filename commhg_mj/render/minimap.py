@@ -5,7 +5,7 @@ from itertools import pairwise
 import cv2
 import numpy as np
 
-from ..terms import Activity
+from ..base.terms import Activity
 from . import marks
 from . import palette as ink
 
@@ -26,7 +26,7 @@ class Minimap:
         share = np.asarray(xy, float)[..., :2] / self.world.layout.side
         return np.stack([self.x + share[..., 0] * self.size, self.y + (1 - share[..., 1]) * self.size], axis=-1)
 
-    def draw(self, moment, projection):
+    def draw(self, moment, projection) -> None:
         canvas, unit, x, y, size = self.canvas, self.unit, self.x, self.y, self.size
         canvas.pixels[y : y + size, x : x + size] = self.background
         self._draw_view(projection)
@@ -75,7 +75,7 @@ def _whole(point):
     return tuple(int(v) for v in np.clip(point, -1e6, 1e6))
 
 
-def draw_ground(layout, size, corner=(0.0, 0.0), side=None):
+def draw_ground(layout, size, corner=(0.0, 0.0), side=None) -> np.ndarray:
     """Footprints on the plain, [size, size, 3], drawn at four times the size for smooth edges.
 
     Args:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..terms import Activity, Fate, Mode
+from ..base.terms import Activity, Fate, Mode
 
 TURN_TO_BANK = 0.6  # rad of bank per rad/s of turning
 MAX_BANK = 0.45  # rad

@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from ..base.terms import Activity, Fate, Mode, Session
 from ..models.mjcf import display_scale
-from ..terms import Activity, Fate, Mode, Session
 from . import marks
 from . import palette as ink
 from .cameras import occluded
@@ -43,7 +43,7 @@ class Overlay:
         self.pins = pins
         self.slots, self._routes = {}, {}
 
-    def draw(self, moment, robots, projection, taken, ringed=None):
+    def draw(self, moment, robots, projection, taken, ringed=None) -> None:
         """`robots` [R, 3] are the robots' positions in metres; labels keep off the boxes `taken`; an actor may be ringed."""
         self.projection = projection
         marks.draw_boundary(self.canvas, projection, self.world.layout.side, self.unit)
@@ -65,7 +65,7 @@ class Overlay:
         """Marks stand on the beams of open tasks, and on the ground once they are done [T, 3]."""
         return np.where(moment.done[:, None], self.pois, self.pins)
 
-    def colour(self, robot, moment):
+    def colour(self, robot, moment) -> tuple:
         failed = moment.activity[robot] == Activity.FAILED
         return ink.FAILED if failed else ink.robot_colour(robot, self.n_uav)
 
@@ -125,7 +125,7 @@ class Overlay:
     def _control(self, moment, robots):
         """An arc in the operator's colour: solid while it controls, broken during handover, dotted for a bid."""
         for operator in np.flatnonzero((moment.session != Session.REST) & (moment.operator_robot >= 0)):
-            robot, colour = moment.operator_robot[operator], ink.operator_colour(operator)
+            robot, colour = moment.operator_robot[operator], ink.operator_colour(int(operator))
             arc = self._arc(self.seats[operator], robots[robot])
             if moment.controller[robot] != operator:
                 self._dashes(arc, colour, 1.2, 0.6, 36)

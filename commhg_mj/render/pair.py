@@ -37,11 +37,11 @@ class PairFilm:
         gap = np.full((len(left), GAP, 3), ink.TROUGH, np.uint8)
         return np.vstack([self._strip(time), np.hstack([left, gap, right])])
 
-    def forget_labels(self):
+    def forget_labels(self) -> None:
         for film in self.films:
             film.forget_labels()
 
-    def close(self):
+    def close(self) -> None:
         for film in self.films:
             film.close()
 

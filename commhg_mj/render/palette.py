@@ -4,8 +4,8 @@ Blue is air, orange is ground, pink is either: robots and the tasks that they ma
 Operators have hues of their own; a message's colour is its fate. Values are OpenCV's (blue, green, red).
 """
 
+from ..base.terms import Activity, Fate
 from ..models.mjcf import TYPE_COLOURS
-from ..terms import Activity, Fate
 
 
 def _bgr(code: str) -> tuple[int, int, int]:

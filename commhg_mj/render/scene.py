@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..terms import NOBODY, Status
+from ..base.terms import NOBODY, Status
 from .moment import Timeline
 
 

@@ -6,13 +6,13 @@ import cv2
 import mujoco
 import numpy as np
 
+from ..base.opengl import make_context
+from ..base.opengl_thread import free_on_gl_thread, on_gl_thread
+from ..base.terms import Activity
 from ..models.mjcf import build_model
 from ..models.poses import attitude, robot_positions
-from ..terms import Activity
 from .cameras import Projection, place_camera
 from .drape import lay_drape
-from .gl import make_context
-from .gl_thread import free_on_gl_thread, on_gl_thread
 
 SUPERSAMPLING = 1.5  # rendered this much larger, then reduced: cheaper and smoother than multisampling here
 SPIN = 23.0  # rad/s of the mission: any odd number looks like spinning
@@ -65,7 +65,7 @@ class Stage:
         picture = cv2.resize(rendered[::-1], self.size, interpolation=cv2.INTER_AREA)
         return cv2.cvtColor(picture, cv2.COLOR_RGB2BGR), Projection.of_scene(self._scene, *self.size)
 
-    def close(self):
+    def close(self) -> None:
         """At the latest when the stage is collected or the process ends."""
         self._free()
 

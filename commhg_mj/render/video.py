@@ -5,17 +5,18 @@ from pathlib import Path
 
 import av
 import cv2
+import numpy as np
 
 QUALITY = {"crf": "21", "preset": "veryfast", "tune": "animation"}
 BT601 = 6  # FFmpeg's number for the colour matrix that OpenCV converts with
 
 
-def to_yuv(picture):
+def to_yuv(picture) -> np.ndarray:
     """A picture [height, width, 3] as H.264 wants it: planes of brightness and colour, [1.5 height, width]."""
     return cv2.cvtColor(picture, cv2.COLOR_BGR2YUV_I420)
 
 
-def write_mp4(path, pictures, size, fps):
+def write_mp4(path, pictures, size, fps) -> None:
     """Encode pictures, as `to_yuv` makes them, in order.
 
     Raises:
@@ -35,6 +36,6 @@ def write_mp4(path, pictures, size, fps):
         raise OSError(f"the video library says: {error.strerror}") from None
 
 
-def write_png(path, picture):
+def write_png(path, picture) -> None:
     """Write a picture [height, width, 3]."""
     Path(path).write_bytes(cv2.imencode(".png", picture)[1].tobytes())

@@ -1,0 +1,1 @@
+"""Experiments over many missions: evaluation, calibration, model cards, the comparison of the link models."""

@@ -5,12 +5,11 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from rich.box import MARKDOWN
-from rich.table import Table
 
+from ..flights.fly import fly
+from ..flights.held_out import CALIBRATION
+from ..flights.statistics import Interval, mean_interval
 from ..scenarios import SCENARIOS
-from .fly import fly
-from .statistics import Interval, mean_interval
 
 FLIGHTS = {  # label: policy, limitation, with operators
     "random": ("random", "nominal", True),
@@ -21,7 +20,6 @@ FLIGHTS = {  # label: policy, limitation, with operators
     "omniscient": ("omniscient", "nominal", True),
     "omniscient, no operators": ("omniscient", "nominal", False),
 }
-FIRST_SEED = 10_000  # calibration missions; training and evaluation use others
 
 
 class Rule(NamedTuple):
@@ -40,7 +38,7 @@ class Calibration(NamedTuple):
 
 def calibrate(name: str, n_missions=200, workers=1, advance: Callable[[int], None] = lambda missions: None) -> Calibration:
     """Fly the references of one scenario and hold its defaults against the rules; differences are paired."""
-    scenario, seeds = SCENARIOS[name], range(FIRST_SEED, FIRST_SEED + n_missions)
+    scenario, seeds = SCENARIOS[name], range(CALIBRATION, CALIBRATION + n_missions)
     alone = dataclasses.replace(scenario, n_operators=0)
     twcr = {}
     for label, (policy, limitation, has_operators) in FLIGHTS.items():
@@ -59,20 +57,3 @@ def calibrate(name: str, n_missions=200, workers=1, advance: Callable[[int], Non
         Rule("from nominal to high limitation Greedy loses at least 0.03", limitation, limitation.mean >= 0.03),
     ]
     return Calibration(name, {label: mean_interval(values) for label, values in twcr.items()}, rules)
-
-
-def calibration_tables(results: list[Calibration], n_missions: int) -> list[Table]:
-    """TWCR of every reference, and the rules with what was measured; docs/calibration.md holds them as printed."""
-    figures = Table(title=f"mean TWCR, {n_missions} missions [95 % interval]", title_justify="left", box=MARKDOWN)
-    rules = Table(title="rules", title_justify="left", box=MARKDOWN)
-    figures.add_column("flight")
-    rules.add_column("rule")
-    for result in results:
-        figures.add_column(result.scenario)
-        rules.add_column(result.scenario)
-    for label in results[0].twcr:
-        figures.add_row(label, *(str(result.twcr[label]) for result in results))
-    for i, rule in enumerate(results[0].rules):
-        verdicts = (result.rules[i] for result in results)
-        rules.add_row(rule.text, *(f"{'holds' if v.holds else 'BROKEN'}: {v.measured}" for v in verdicts))
-    return [figures, rules]

@@ -32,7 +32,7 @@ class _BeforeDmControl:
     @staticmethod
     def find_spec(name, path=None, target=None):
         if name == "dm_control":
-            importlib.import_module("..render.gl", __name__).choose_backend()
+            importlib.import_module("..base.opengl", __name__).choose_backend()
 
 
 sys.meta_path.insert(0, _BeforeDmControl)

@@ -7,9 +7,9 @@ Every choice's first number changes nothing, and is the only one open to an acto
 
 import numpy as np
 
-from ..kernels import kernel
+from ..base.kernels import kernel
+from ..base.terms import IDLE, KEEP, NOBODY, REST
 from ..scenarios import Scenario
-from ..terms import IDLE, KEEP, NOBODY, REST
 
 PER_ROBOT = 3  # choices
 LARGEST = 2.0**31
@@ -63,7 +63,7 @@ class Choices:
                 raise ValueError(f"action: {self.names[k]} must be a whole number, is {values[e, k]}")
         return values.astype(np.int64, order="C")  # always a copy: kernels compile anew for read-only or strided arrays
 
-    def explain(self, actions, e: int, k: int) -> str:
+    def say_wrong(self, actions, e: int, k: int) -> str:
         """What is wrong with choice k of mission e in the actions that `whole` took: the caller's, as i8 holds no large u8."""
         value = int(np.reshape(actions, (-1, len(self.sizes)))[e, k])
         return f"action: {self.names[k]} must lie in 0..{self.sizes[k] - 1}, is {value}"

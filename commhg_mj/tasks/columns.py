@@ -8,9 +8,9 @@ import math
 
 import numpy as np
 
+from ..base.terms import NOBODY, Activity, Embodiment, Mode, Session, Status, TaskType
 from ..mission.observe import OPERATOR_SEEN, OPERATOR_SEES, PEER_SEEN, REPORT_SEEN, ROBOT_SEES, TASK_SEEN, UNKNOWN
 from ..scenarios import Scenario
-from ..terms import NOBODY, Activity, Embodiment, Mode, Session, Status, TaskType
 
 FLAG = (0.0, 1.0)
 WINDING = 10.0  # map diagonals: no ground route is longer
@@ -31,7 +31,7 @@ INDICES = {"robots": ("mission", "robot"), "operators": ("mission", "operator")}
 
 
 def _columns(table):
-    columns = [name for name in RECORDS[table].names if name not in INDICES.get(table, ())]
+    columns = [name for name in RECORDS[table].names or () if name not in INDICES.get(table, ())]
     if "proficiency" in columns:
         columns.remove("proficiency")
         columns += ["proficiency_uav", "proficiency_ugv"]

@@ -1,5 +1,7 @@
 """The whole team as one Gymnasium agent."""
 
+from typing import TYPE_CHECKING
+
 import gymnasium
 import numpy as np
 from gymnasium import spaces
@@ -8,6 +10,9 @@ from ..mission.batch import check_seed
 from .registration import PlainSpec
 from .spaces import team_space
 from .team import Team
+
+if TYPE_CHECKING:
+    from ..render.live import LiveFilm
 
 RENDER_FPS = 12
 
@@ -39,14 +44,14 @@ class MissionEnv(PlainSpec, gymnasium.Env):
         self.observation_space = team_space(self.team.scenario, self.team.choices)
         self.action_space = spaces.MultiDiscrete(self.team.choices.sizes)
 
-    def reset(self, *, seed=None, options=None):
+    def reset(self, *, seed=None, options=None) -> tuple[dict, dict]:
         """A new mission: of that seed, or the next one that the last seed leads to. There are no options."""
         seed = None if seed is None else check_seed(seed)
         super().reset(seed=seed)
         self.team.begin([self.team.draw_seed(self.np_random) if seed is None else seed])
         return self._observe(), self._inform()
 
-    def step(self, action):
+    def step(self, action) -> tuple[dict, float, bool, bool, dict]:
         """Decide, and advance to the next decision epoch."""
         self.team.step(action, alone=True)
         return self._observe(), float(self.team.rewards[0]), bool(self.team.over[0]), False, self._inform()
@@ -56,14 +61,13 @@ class MissionEnv(PlainSpec, gymnasium.Env):
         self.team.check_begun()
         return self.team.mask[0].astype(bool)
 
-    def render(self):
+    def render(self) -> np.ndarray | None:
         """The mission as it stands [height, width, 3] u1; None without a render mode. ResetNeeded before the first reset."""
         if self._film is None:
             return None
-        self.team.check_begun()
         return self._film.picture(self.team.batch)
 
-    def close(self):
+    def close(self) -> None:
         if self._film:
             self._film.close()
 
@@ -97,7 +101,7 @@ def inform_teams(team: Team) -> dict:
     }
 
 
-def make_film(team: Team, render_mode, camera, size):
+def make_film(team: Team, render_mode, camera, size) -> "LiveFilm | None":
     """What takes pictures of a recording team; without a render mode None, and MuJoCo is not loaded either."""
     if render_mode is None:
         return None

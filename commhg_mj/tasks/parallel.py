@@ -5,8 +5,8 @@ from gymnasium import spaces
 from gymnasium.utils import seeding
 from pettingzoo import ParallelEnv
 
+from ..base.terms import Activity
 from ..mission.batch import check_seed
-from ..terms import Activity
 from .choices import PER_ROBOT, as_array
 from .gym import RENDER_FPS, check_render_mode, make_film
 from .spaces import table_space
@@ -77,15 +77,15 @@ class MissionParallelEnv(ParallelEnv):
         self._roles = {agent: Role(self.team, i) for i, agent in enumerate(self.possible_agents)}
         self.np_random = None
 
-    def observation_space(self, agent):
+    def observation_space(self, agent) -> spaces.Dict:
         """{"observation": the role's tables, "action_mask": …}."""
         return self._roles[agent].observation_space
 
-    def action_space(self, agent):
+    def action_space(self, agent) -> spaces.Discrete | spaces.MultiDiscrete:
         """Robots: MultiDiscrete (task, broadcast, message); humans: Discrete."""
         return self._roles[agent].action_space
 
-    def reset(self, seed=None, options=None):
+    def reset(self, seed=None, options=None) -> tuple[dict, dict]:
         """A new mission: of that seed, or the next one that the last seed leads to. There are no options."""
         seed = None if seed is None else check_seed(seed)
         if seed is not None or self.np_random is None:
@@ -95,7 +95,7 @@ class MissionParallelEnv(ParallelEnv):
         observations = self._observe()
         return observations, self._inform(observations)
 
-    def step(self, actions):
+    def step(self, actions) -> tuple[dict, dict, dict, dict, dict]:
         """Decide, and advance to the next decision epoch; agents without an action stay, those that are gone are ignored.
 
         Raises:
@@ -112,14 +112,13 @@ class MissionParallelEnv(ParallelEnv):
         self.agents = [agent for agent in self.agents if not terminations[agent]]
         return observations, rewards, terminations, truncations, infos
 
-    def render(self):
+    def render(self) -> np.ndarray | None:
         """The mission as it stands [height, width, 3] u1; None without a render mode. ResetNeeded before the first reset."""
         if self._film is None:
             return None
-        self.team.check_begun()
         return self._film.picture(self.team.batch)
 
-    def close(self):
+    def close(self) -> None:
         if self._film:
             self._film.close()
 

@@ -1,15 +1,17 @@
 """A mission's world as a `dm_control.mujoco.Physics`: bodies that stand where the robots are, and questions by name."""
 
+from typing import Any
+
 import mujoco as mj
 import numpy as np
 from dm_control import mujoco
 from dm_control.mujoco import wrapper
 
+from ..base.opengl_thread import use_gl
 from ..models.mjcf import build_model
 from ..models.poses import attitude, robot_positions
 from ..models.world import World
-from ..radio.evaluate import WorldLinks
-from ..render.gl_thread import use_gl
+from ..radio.world_links import WorldLinks
 
 STATION = "station"
 PROBE = 1.0  # B: geometry does not depend on a message's size
@@ -50,7 +52,7 @@ class Physics(mujoco.Physics):
         return twin
 
     @property
-    def contexts(self):
+    def contexts(self) -> Any:
         """OpenGL's; RuntimeError in a process forked from one that has drawn."""
         use_gl()
         return super().contexts

@@ -3,9 +3,11 @@
 import dataclasses
 import json
 from pathlib import Path
+from typing import Any
 
 import gymnasium
 import numpy as np
+from gymnasium.envs.registration import EnvSpec
 
 from ..scenarios import SCENARIOS, Scenario, to_json
 
@@ -25,17 +27,17 @@ class PlainSpec:
     _spec = None
 
     @property
-    def spec(self):
+    def spec(self) -> EnvSpec | None:
         """Gymnasium's `EnvSpec` of this environment, or None if Gymnasium has not made it."""
         return self._spec
 
     @spec.setter
-    def spec(self, spec):
+    def spec(self, spec) -> None:
         options = spec and {name: plain(value) for name, value in spec.kwargs.items()}
         self._spec = spec and dataclasses.replace(spec, kwargs=options)
 
 
-def plain(option):
+def plain(option) -> Any:
     """An option of `commhg_mj.tasks.Team` in words, numbers, lists and tables."""
     if isinstance(option, Scenario):
         return json.loads(to_json(option))

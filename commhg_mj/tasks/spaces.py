@@ -22,7 +22,7 @@ def seconds_space(scenario: Scenario) -> spaces.Box:
 
 def team_space(scenario: Scenario, choices: Choices) -> spaces.Dict:
     """What a whole team sees."""
-    tables = {table: table_space(table, scenario) for table in ROWS}
+    tables: dict[str, spaces.Space] = {table: table_space(table, scenario) for table in ROWS}
     due = spaces.MultiBinary(scenario.n_robots + scenario.n_operators)
     time, mask = seconds_space(scenario), spaces.MultiBinary(choices.n_numbers)
     return spaces.Dict(tables | {"due": due, "time": time, "elapsed": time, "action_mask": mask})

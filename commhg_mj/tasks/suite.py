@@ -1,5 +1,7 @@
 """`commhg_mj.tasks.load`, in the manner of `dm_control.suite.load`."""
 
+from dm_control.rl import control
+
 from . import surveillance
 
 DOMAINS = {"surveillance": surveillance}
@@ -15,7 +17,7 @@ ALL_TASKS = _tasks()
 BENCHMARKING, EASY, HARD = _tasks("benchmarking"), _tasks("easy"), _tasks("hard")
 
 
-def load(domain_name, task_name, task_kwargs=None, environment_kwargs=None, visualize_reward=False):
+def load(domain_name, task_name, task_kwargs=None, environment_kwargs=None, visualize_reward=False) -> control.Environment:
     """A mission as a `dm_control.rl.control.Environment`.
 
     >>> env = commhg_mj.tasks.load("surveillance", "medium", task_kwargs={"random": 7})

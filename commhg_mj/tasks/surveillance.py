@@ -7,12 +7,13 @@ import numpy as np
 import tree
 from dm_control.rl import control
 from dm_control.utils import containers
-from dm_env import specs
+from dm_env import TimeStep, specs
+from dm_env.specs import BoundedArray
 
+from ..base.terms import Activity
 from ..mission.batch import check_seed
 from ..models.world import make_world
 from ..scenarios import SCENARIOS
-from ..terms import Activity
 from .columns import COLUMNS, ROWS, table_bounds, table_shape
 from .physics import Physics
 from .team import Team
@@ -21,7 +22,7 @@ SUITE = containers.TaggedTasks()
 TAGS = {"small": ("easy",), "medium": (), "large": ("hard",)}
 
 
-def make(scenario, random=None, pictures=True, environment_kwargs=None, **options):
+def make(scenario, random=None, pictures=True, environment_kwargs=None, **options) -> control.Environment:
     """The environment of a scenario.
 
     Args:
@@ -97,35 +98,35 @@ class Surveillance(control.Task):
         """Seconds of a step, at least."""
         return float(max(1, self.team.period))
 
-    def initialize_episode(self, physics):
+    def initialize_episode(self, physics) -> None:
         """Begin the next mission in its own world."""
         self.team.begin([self._draw(self._random) if self._given is None else self._given])
         self._given = None
         physics.reload(self.team.batch.worlds[0])
         self.after_step(physics)
 
-    def before_step(self, action, physics):
+    def before_step(self, action, physics) -> None:
         """Decide and advance."""
         self.team.step(action, alone=True)
 
-    def after_step(self, physics):
+    def after_step(self, physics) -> None:
         """Put the bodies where the robots are."""
         robots = self.team.batch.state.robots[0]
         xy = np.stack([robots["x"], robots["y"]], axis=-1)
         physics.place_robots(xy, robots["activity"] == Activity.FAILED, self.team.time[0])
 
-    def get_reward(self, physics):
+    def get_reward(self, physics) -> float:
         """The team reward of the seconds since the last step (paper, eq. 4)."""
         return float(self.team.rewards[0])
 
-    def get_termination(self, physics):
+    def get_termination(self, physics) -> float | None:
         """The time limit is part of the mission: nothing comes after it."""
         return 0.0 if self.team.over[0] else None
 
-    def get_observation(self, physics):
+    def get_observation(self, physics) -> dict:
         """Nested arrays of their own: tables by column, who is due, what is open, and the time."""
         team, n_robots = self.team, self.team.scenario.n_robots
-        observation = {
+        observation: dict = {
             name: {column: table[0, ..., c].copy() for c, column in enumerate(COLUMNS[name])}
             for name, table in team.tables._asdict().items()
         }
@@ -135,10 +136,10 @@ class Surveillance(control.Task):
         observation["time"], observation["elapsed"] = team.time.astype(np.float32), team.elapsed.astype(np.float32)
         return observation
 
-    def observation_spec(self, physics):
+    def observation_spec(self, physics) -> dict:
         """Bounds, types and names of `get_observation`."""
         scenario, limit = self.team.scenario, self.team.scenario.time_limit
-        spec = {}
+        spec: dict = {}
         for table in ROWS:
             shape, bounds = table_shape(table, scenario)[:-1], zip(COLUMNS[table], *table_bounds(table, scenario))
             spec[table] = {name: _bounded(f"{table}/{name}", shape, np.float32, low, high) for name, low, high in bounds}
@@ -149,7 +150,7 @@ class Surveillance(control.Task):
         spec["elapsed"] = _bounded("elapsed", (1,), np.float32, 0, limit)
         return spec
 
-    def action_spec(self, physics):
+    def action_spec(self, physics) -> BoundedArray:
         """One number a choice (tasks/choices.py); their names, separated by tabs, are the spec's."""
         choices = self.team.choices
         return _bounded("\t".join(choices.names), choices.sizes.shape, np.int32, 0 * choices.sizes, choices.sizes - 1)
@@ -169,18 +170,18 @@ class MissionEnvironment(control.Environment):
     """
 
     def __init__(self, physics, task, flat_observation=False, gamma=None):
-        if gamma is not None and not (isinstance(gamma, Real) and 0.0 <= gamma <= 1.0):
+        if gamma is not None and not (isinstance(gamma, Real) and 0.0 <= float(gamma) <= 1.0):
             raise ValueError(f"gamma must lie in 0..1, is {gamma!r}")
         super().__init__(physics, task)
         self._is_flat, self._gamma = flat_observation, gamma
 
-    def reset(self, seed=None):
+    def reset(self, seed=None) -> TimeStep:
         """The first step of the next episode, or of the mission with that seed."""
         if seed is not None:
             self.task.seed(seed)
         return self._finish(super().reset())
 
-    def step(self, action):
+    def step(self, action) -> TimeStep:
         """To the next decision epoch; after the last step of an episode, `reset`."""
         return self._finish(super().step(action))
 
@@ -191,7 +192,7 @@ class MissionEnvironment(control.Environment):
             timestep = timestep._replace(observation={control.FLAT_OBSERVATION_KEY: _flat(timestep.observation)})
         return timestep
 
-    def observation_spec(self):
+    def observation_spec(self) -> dict:
         """Of `observation`: nested `BoundedArray`s, or one."""
         spec = super().observation_spec()
         if not self._is_flat:

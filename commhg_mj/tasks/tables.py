@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import literal_unroll
 
-from ..kernels import kernel
+from ..base.kernels import kernel
 from ..mission.observe import Observations
 from ..scenarios import Scenario
 from .columns import COLUMNS, RECORDS, table_shape
@@ -32,7 +32,7 @@ def new_tables(n_missions: int, scenario: Scenario) -> Tables:
 
 def _writer(table):
     """A kernel that writes one record of a table's kind into its columns."""
-    names = tuple(name for name in COLUMNS[table] if name in RECORDS[table].names)
+    names = tuple(name for name in COLUMNS[table] if name in (RECORDS[table].names or ()))
 
     @kernel
     def write(record, columns):

@@ -2,17 +2,16 @@
 
 import dataclasses
 from collections.abc import Sequence
-from numbers import Integral
+from typing import Any
 
 import numpy as np
 from gymnasium.error import ResetNeeded
 
-from ..kernels import kernel
+from ..base.kernels import kernel
 from ..mission.batch import MissionBatch, check_seed
 from ..mission.decide import Decisions
 from ..mission.score import score_mission
-from ..policies import POLICIES, ensure_compiled
-from ..radio.rules import radio_rules
+from ..radio.link_models import radio_rules
 from ..scenarios import Scenario, load_scenario
 from .choices import Choices, close_choices, open_choices, read_actions
 from .tables import fill_tables, new_tables
@@ -49,7 +48,7 @@ class Team:
     def __init__(self, scenario, links="abstract", limitation="nominal", period=0, seeds=None, record=False):
         self.scenario: Scenario = load_scenario(scenario)
         radio_rules(self.scenario, links, limitation)
-        if isinstance(period, bool) or not isinstance(period, Integral) or not 0 <= period <= LONGEST_PERIOD:
+        if isinstance(period, bool) or not isinstance(period, (int, np.integer)) or not 0 <= period <= LONGEST_PERIOD:
             raise ValueError(
                 f"period must be a whole number of seconds in 0..{LONGEST_PERIOD}, 0 for decision epochs, is {period!r}"
             )
@@ -57,7 +56,7 @@ class Team:
         check_seeds(seeds)
         self.links, self.limitation, self.period, self.seeds, self.record = links, limitation, int(period), seeds, record
         self.choices = Choices(self.scenario)
-        self.batch: MissionBatch | None = None
+        self._batch: MissionBatch | None = None
 
     def draw_seed(self, rng) -> int:
         """The seed of the next unseeded episode, from a numpy Generator."""
@@ -67,8 +66,7 @@ class Team:
 
     def begin(self, seeds) -> None:
         """Begin missions with these seeds; everybody is due."""
-        ensure_compiled(POLICIES.values())
-        self.batch = MissionBatch(self.scenario, seeds, self.links, self.limitation, self.record)
+        self._batch = MissionBatch(self.scenario, seeds, self.links, self.limitation, self.record)
         n, actors = len(self.batch.seeds), self.scenario.n_robots + self.scenario.n_operators
         self.tables = new_tables(n, self.scenario)
         self.due = np.ones((n, actors), np.int8)
@@ -79,10 +77,16 @@ class Team:
         self._no_score = blank(dataclasses.asdict(score_mission(self.batch.state, 0)))
         self._show()
 
-    def check_begun(self) -> None:
-        """ResetNeeded, Gymnasium's error, unless missions have begun."""
-        if self.batch is None:
+    @property
+    def batch(self) -> MissionBatch:
+        """The missions; ResetNeeded, Gymnasium's error, before they have begun."""
+        if self._batch is None:
             raise ResetNeeded("there is no mission yet: call reset first")
+        return self._batch
+
+    def check_begun(self) -> None:
+        """ResetNeeded before missions have begun."""
+        _ = self.batch
 
     def step(self, actions, draw_next=None, alone=False) -> None:
         """Decide for all who are due and advance; afterwards the attributes hold what follows from it.
@@ -96,7 +100,6 @@ class Team:
           ValueError: an action that does not exist; nothing has changed then.
           ResetNeeded: no mission has begun.
         """
-        self.check_begun()
         batch, before, choices = self.batch, self.time, self.choices
         seen, over = batch.observations, batch.over
         numbers = choices.whole(actions, () if alone else over.shape)
@@ -107,11 +110,11 @@ class Team:
         n_robots, replaced = self.scenario.n_robots, np.zeros(len(over), np.int64)
         wrong = read_actions(seen, numbers, self.mask, choices.starts, choices.sizes, n_robots, decisions, replaced)
         if wrong[0] >= 0:
-            raise ValueError(choices.explain(actions, *wrong))
+            raise ValueError(choices.say_wrong(actions, *wrong))
         replaced[over] = 0
         self.replaced = replaced
         if draw_next:
-            for e in np.flatnonzero(over):
+            for e in np.flatnonzero(over).tolist():
                 batch.restart(e, draw_next(e))
         batch.step_legal(decisions, self.period)
         self.time = batch.time.astype(float)
@@ -142,7 +145,7 @@ def fresh(facts: dict) -> dict:
     return facts | {name: fresh(fact) for name, fact in facts.items() if isinstance(fact, dict)}
 
 
-def read_range(seeds):
+def read_range(seeds) -> Any:
     """The range that {"range": [start, stop, step]} means; anything else as it is."""
     if isinstance(seeds, dict) and list(seeds) == ["range"]:
         try:

@@ -39,10 +39,11 @@ class MissionVectorEnv(PlainSpec, gymnasium.vector.VectorEnv):
         **options,
     ):  # fmt: skip
         check_render_mode(render_mode, self.metadata)
-        if isinstance(num_envs, bool) or not isinstance(num_envs, Integral) or num_envs < 1:
+        if isinstance(num_envs, bool) or not isinstance(num_envs, (int, np.integer)) or num_envs < 1:
             raise ValueError(f"num_envs must be a whole number of at least 1, is {num_envs!r}")
         self.num_envs, self.copy, self.render_mode = int(num_envs), copy, render_mode
         self.team = Team(scenario, record=record or render_mode is not None, **options)
+        num_envs = self.num_envs
         self._films = [make_film(self.team, render_mode, camera, size) for _ in range(num_envs)]
         self.single_observation_space = team_space(self.team.scenario, self.team.choices)
         self.single_action_space = spaces.MultiDiscrete(self.team.choices.sizes)
@@ -50,7 +51,7 @@ class MissionVectorEnv(PlainSpec, gymnasium.vector.VectorEnv):
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._randoms = [seeding.np_random()[0] for _ in range(num_envs)]
 
-    def reset(self, *, seed=None, options=None):
+    def reset(self, *, seed=None, options=None) -> tuple[dict, dict]:
         """New missions: of those seeds, of `seed`, `seed + 1`, …, or of the next ones. There are no options."""
         if seed is None or isinstance(seed, Integral):
             seeds = [None if seed is None else check_seed(seed) + e for e in range(self.num_envs)]
@@ -66,20 +67,19 @@ class MissionVectorEnv(PlainSpec, gymnasium.vector.VectorEnv):
         freeze(self._no_scores)
         return self._observe(), self._inform()
 
-    def step(self, actions):
+    def step(self, actions) -> tuple[dict, np.ndarray, np.ndarray, np.ndarray, dict]:
         """Decide in every mission, and advance each to its next decision epoch."""
         self.team.step(actions, self._draw)
         rewards, ended = self.team.rewards, self.team.over
         return self._observe(), rewards, ended, np.zeros(self.num_envs, bool), self._inform()
 
-    def render(self):
+    def render(self) -> tuple | None:
         """Every mission as it stands, [height, width, 3] u1; None without a render mode. ResetNeeded before `reset`."""
         if self.render_mode is None:
             return None
-        self.team.check_begun()
-        return tuple(film.picture(Single(self.team.batch, e)) for e, film in enumerate(self._films))
+        return tuple(film.picture(Single(self.team.batch, e)) for e, film in enumerate(self._films) if film)
 
-    def close_extras(self, **kwargs):
+    def close_extras(self, **kwargs) -> None:
         """Close the films."""
         for film in filter(None, self._films):
             film.close()
@@ -106,8 +106,8 @@ class MissionVectorEnv(PlainSpec, gymnasium.vector.VectorEnv):
 
     def _scores(self):
         """The scores of the missions that are over; as long as none is, the same arrays again, which cannot be written to."""
-        ended = np.flatnonzero(self.team.over)
-        if not len(ended):
+        ended = np.flatnonzero(self.team.over).tolist()
+        if not ended:
             return self._no_scores.copy()
         scores = copy.deepcopy(self._no_scores)
         for e in ended:

@@ -8,16 +8,15 @@ import pytest
 from flying import Wanderer, copied, differences, fingerprint, fly
 from strategies import change
 
+from commhg_mj.base.terms import Kind
 from commhg_mj.mission.batch import MissionBatch
 from commhg_mj.mission.decide import Decisions
-from commhg_mj.mission.links import link_between, link_to_station
-from commhg_mj.pilots import prepare
-from commhg_mj.policies import POLICIES
+from commhg_mj.mission.propagation import link_between, link_to_station
+from commhg_mj.policies import POLICIES, prepare
 from commhg_mj.radio import LINK_MODELS
 from commhg_mj.scenarios import LIMITATIONS, SCENARIOS, CommunicationRules, describe, from_json, load_scenario, to_json
 from commhg_mj.tasks import ALL_TASKS, MissionEnv, MissionVectorEnv, load, parallel_env
 from commhg_mj.tasks.registration import ID
-from commhg_mj.terms import Kind
 
 SHORT = change(SCENARIOS["small"], time_limit=120)
 every_scenario = pytest.mark.parametrize("scenario", SCENARIOS)

@@ -6,7 +6,7 @@ import numpy as np
 import torch
 from strategies import change
 
-from commhg_mj.learning.crew import ALONE
+from commhg_mj.learning.distributed import ALONE
 from commhg_mj.learning.graphs import (
     N_OPERATOR,
     N_PEER,
@@ -32,10 +32,10 @@ SHORT = change(SCENARIOS["small"], time_limit=40, n_tasks=10, forest_share=0.0, 
 QUICK = Hyper(decisions=160, minibatches=2, epochs=1)
 
 
-def run(folder, method="commhg", scenario=SHORT, hyper=QUICK, device="cpu", crew=ALONE, **options):
+def run(folder, method="commhg", scenario=SHORT, hyper=QUICK, device="cpu", group=ALONE, **options):
     """A tiny training; missions end within two updates."""
     options = {"side_by_side": 6, "missions": 1000, "first_updates": 1, **options}
-    return Training(Plan(method, scenario, hyper=hyper, **options), folder, crew=crew, device=device)
+    return Training(Plan(method, scenario, hyper=hyper, **options), folder, group=group, device=device)
 
 
 def updated(training, n):

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 from scipy.stats import kstest
 
-from commhg_mj.learning.draws import EVENT, OPERATOR, ROBOT, Draws, gumbel
+from commhg_mj.learning.noise import EVENT, OPERATOR, ROBOT, Draws, gumbel
 from commhg_mj.mission.randomness import Event
 from commhg_mj.policies import random
 

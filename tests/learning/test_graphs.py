@@ -6,12 +6,12 @@ from flying import Wanderer, copied, fly
 from learners import NAMES, SHORT
 from strategies import change
 
+from commhg_mj.base.terms import NOBODY
 from commhg_mj.learning.batches import join_robots, pick_robots
 from commhg_mj.learning.graphs import GraphBuilder, RobotGraphs
 from commhg_mj.mission.batch import MissionBatch
 from commhg_mj.mission.observe import UNKNOWN
 from commhg_mj.scenarios import SCENARIOS
-from commhg_mj.terms import NOBODY
 
 
 @pytest.fixture(scope="module")

@@ -8,6 +8,7 @@ import pytest
 import torch
 from learners import Row, random_row, robot_graphs
 
+from commhg_mj.base.terms import IDLE, KEEP, NOBODY
 from commhg_mj.learning.batches import robot_batch
 from commhg_mj.learning.heads import (
     RobotChoices,
@@ -17,7 +18,6 @@ from commhg_mj.learning.heads import (
     judge_operators,
     judge_robots,
 )
-from commhg_mj.terms import IDLE, KEEP, NOBODY
 
 HEADS = ("gate", "query", "assist")
 FIXED = Row((False,), keep=True, idle=False, gate=False, query=(False, False), assist=False)  # a prescribed task

@@ -13,14 +13,14 @@ import pytest
 import torch
 from learners import NAMES, QUICK
 
-from commhg_mj.cli.learn import Train
+from commhg_mj.base.kernels import ensure_compiled
+from commhg_mj.cli.training import Train
+from commhg_mj.flights.statistics import mean_interval, middle_interval
 from commhg_mj.learning import curriculum, ppo, train
 from commhg_mj.learning.registry import find_method
 from commhg_mj.learning.train import Plan
 from commhg_mj.learning.weights import load_weights, save_weights
-from commhg_mj.policies import POLICIES, ensure_compiled
 from commhg_mj.scenarios import SCENARIOS, load_scenario
-from commhg_mj.study.statistics import mean_interval, middle_interval
 
 TINY = 'base = "small"\nname = "tiny"\nn_tasks = 4\ntime_limit = 40\n'
 
@@ -28,7 +28,7 @@ TINY = 'base = "small"\nname = "tiny"\nn_tasks = 4\ntime_limit = 40\n'
 @pytest.fixture(scope="module", autouse=True)
 def quick():
     """A few decisions an update."""
-    ensure_compiled(POLICIES.values())
+    ensure_compiled()
     of = lambda n_robots, is_refining, **others: replace(QUICK, entropy=0.0 if is_refining else QUICK.entropy, **others)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(ppo.Hyper, "of", of)
@@ -260,7 +260,7 @@ def test_evaluate_refuses_bad_options(refused, tmp_path):
 
 
 def test_evaluation_and_training_share_no_mission():
-    from commhg_mj.study.evaluate import HELD_OUT
+    from commhg_mj.flights.held_out import HELD_OUT
 
     assert HELD_OUT + 10**5 < train.TRAINING_SEEDS
 

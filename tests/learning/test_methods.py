@@ -8,16 +8,17 @@ from learners import NAMES, SHORT, run, shaken, updated
 from mission.test_secrets import ARRAYS, keep_public, overwrite, scramble
 from strategies import change
 
-from commhg_mj import pilots
-from commhg_mj.learning.policy import VARIANTS, LearnedPolicy
+from commhg_mj import policies
+from commhg_mj.flights.fly import fly as fly_missions
+from commhg_mj.learning import pretrained
+from commhg_mj.learning.learned_policy import VARIANTS, LearnedPolicy
 from commhg_mj.learning.registry import find_method
 from commhg_mj.learning.weights import save_weights
 from commhg_mj.mission.batch import MissionBatch, stay
 from commhg_mj.mission.decide import Decisions
 from commhg_mj.policies.schedule import follow_schedule
 from commhg_mj.scenarios import SCENARIOS
-from commhg_mj.study.evaluate import table_names
-from commhg_mj.study.fly import fly as fly_missions
+from commhg_mj.study.evaluation import table_names
 
 every_method = pytest.mark.parametrize("name", NAMES)
 LONG = change(SHORT, time_limit=150, released_at_start=0.5)
@@ -59,8 +60,8 @@ def test_a_method_learns_is_saved_found_and_flies(name, tmp_path):
     still = [key for key in after if torch.equal(after[key], before[key])]
     assert still == [], "parameters without a gradient"
     path = str(tmp_path / "weights.safetensors")
-    info = pilots.find_policy(path)
-    assert not info.is_privileged and pilots.label_of(path).startswith(f"{tmp_path.name}-")
+    info = policies.find_policy(path)
+    assert not info.is_privileged and policies.label_of(path).startswith(f"{tmp_path.name}-")
     scores = fly_missions(SHORT, path, range(3))
     assert all(0 <= score.twcr <= 1 for score in scores)
     sent = scores[0].messages
@@ -183,13 +184,13 @@ def test_a_trained_method_may_lack_something(tmp_path):
     sent = lambda scores, kind: sum(score.messages[kind]["attempted"] for score in scores)
     assert sent(whole, "query") > 0 and sent(silent, "query") == 0 and sent(chatty, "query") > 0
     assert sent(whole, "broadcast") == sent(silent, "broadcast") == 0 < sent(chatty, "broadcast")
-    assert pilots.label_of(f"{path}+no-query") == f"{pilots.label_of(path)}+no-query"
-    assert set(pilots.VARIANTS) == set(VARIANTS)
+    assert policies.label_of(f"{path}+no-query") == f"{policies.label_of(path)}+no-query"
+    assert set(pretrained.VARIANTS) == set(VARIANTS)
     save_weights(untrained("mappo"), path, {})
     with pytest.raises(ValueError, match="mappo.no-query: mappo follows the fixed schedule"):
         fly_missions(LONG, f"{path}+no-query", range(1))
     with pytest.raises(ValueError, match="unknown policy 'commhg.nothing'"):
-        pilots.find_policy("commhg+nothing")
+        policies.find_policy("commhg+nothing")
 
 
 def test_labels_differ_when_weights_do(tmp_path):
@@ -197,15 +198,15 @@ def test_labels_differ_when_weights_do(tmp_path):
     for path, seed in zip(paths, (0, 1)):
         path.parent.mkdir(parents=True)
         save_weights(untrained("commhg", seed), path, {})
-    first, second = map(pilots.label_of, paths)
+    first, second = map(policies.label_of, paths)
     assert first != second and first.startswith("seed0-") and second.startswith("seed0-")
     assert len(set(table_names([*map(str, paths), "greedy", f"{paths[0]}+no-query"]))) == 4
     save_weights(untrained("commhg", 2), paths[0], {})
-    assert pilots.label_of(paths[0]) not in (first, second), "written anew"
+    assert policies.label_of(paths[0]) not in (first, second), "written anew"
     paths[1].write_bytes(paths[0].read_bytes())
     assert table_names([*map(str, paths), "omniscient"]) == [*map(str, paths), "omniscient (privileged)"], "one content twice"
     with pytest.raises(ValueError, match="none.safetensors: No such file"):
-        pilots.label_of("none.safetensors")
+        policies.label_of("none.safetensors")
 
 
 def test_weights_that_were_written_anew_are_read_anew(tmp_path):
@@ -213,6 +214,6 @@ def test_weights_that_were_written_anew_are_read_anew(tmp_path):
     flown = []
     for seed in (0, 1):
         save_weights(untrained("commhg", seed), path, {})
-        batch, policy = pilots.prepare(str(path), SHORT, range(4))
-        flown.append(policy.pilot.method.state_dict()["robot.itself.0.weight"])
+        batch, policy = policies.prepare(str(path), SHORT, range(4))
+        flown.append(policy.actors.method.state_dict()["robot.itself.0.weight"])
     assert not torch.equal(*flown)

@@ -10,11 +10,11 @@ from learners import NAMES, QUICK, Row, experience, run, shaken, updated
 from torch import nn
 from torch.nn.functional import logsigmoid
 
+from commhg_mj.base.terms import KEEP
 from commhg_mj.learning.critic import N_PARTS, ReturnScale
 from commhg_mj.learning.heads import RobotChoices, RobotLogits
 from commhg_mj.learning.ppo import Hyper, Learner
 from commhg_mj.policies import POLICIES
-from commhg_mj.terms import KEEP
 
 pytestmark = pytest.mark.filterwarnings("ignore:Mean of empty slice", "ignore:invalid value", "ignore:Degrees of freedom")
 PLAIN = Hyper(epochs=1, minibatches=1, entropy=0.0, value=0.0, max_grad=1e9, target_kl=1e9)

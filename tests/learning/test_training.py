@@ -19,13 +19,13 @@ from strategies import change
 
 from commhg_mj.learning import train
 from commhg_mj.learning.graphs import GraphBuilder
-from commhg_mj.learning.log import LOG, Log
 from commhg_mj.learning.rollout import from_decisions, to_decisions
+from commhg_mj.learning.run_log import LOG, Log
 from commhg_mj.learning.states import N_GLOBAL
 from commhg_mj.learning.train import STATE, WEIGHTS, Plan, Training, plan_from_json, plan_to_json
 from commhg_mj.learning.weights import SCHEMA, load_weights, save_weights
 from commhg_mj.mission.batch import MissionBatch
-from commhg_mj.pilots import prepare
+from commhg_mj.policies import prepare
 
 
 def collect(training, decisions, teacher=None, gamma=QUICK.gamma, lam=QUICK.lam):
@@ -35,14 +35,14 @@ def collect(training, decisions, teacher=None, gamma=QUICK.gamma, lam=QUICK.lam)
 def watched(training, look):
     """Call `look(batch, robots, operators)` whenever the collector has decided."""
     collector = training.collector
-    decide = collector.pilot.decide
+    decide = collector.actors.decide
 
     def watch(*seen, **how):
         result = decide(*seen, **how)
         look(collector.batch, *result[:2])
         return result
 
-    collector.pilot.decide = watch
+    collector.actors.decide = watch
 
 
 # Decisions

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from flying import Pilot, plain
 
+from commhg_mj.base.terms import IDLE, KEEP, NOBODY, REST, Activity, Fate, Kind, Mode, Session
 from commhg_mj.mission.batch import MissionBatch
-from commhg_mj.terms import IDLE, KEEP, NOBODY, REST, Activity, Fate, Kind, Mode, Session
 
 
 def held(pilot, h=0, r=0):

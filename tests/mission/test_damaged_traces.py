@@ -8,10 +8,10 @@ import os
 import numpy as np
 import pytest
 
+from commhg_mj.base.terms import Fate, Kind
 from commhg_mj.mission.trace import ARRAYS, load_trace, make_traces, save_trace
-from commhg_mj.pilots import prepare
+from commhg_mj.policies import prepare
 from commhg_mj.scenarios import from_dict
-from commhg_mj.terms import Fate, Kind
 
 TINY = from_dict({"base": "small", "name": "tiny", "n_tasks": 6, "time_limit": 90})
 

@@ -7,9 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from strategies import limitations, scenarios, seeds
 
+from commhg_mj.base.terms import IDLE, KEEP, REST, Activity, Session
 from commhg_mj.mission.batch import MissionBatch, stay
 from commhg_mj.scenarios import SCENARIOS
-from commhg_mj.terms import IDLE, KEEP, REST, Activity, Session
 
 
 def refuse(batch, decisions, match):

@@ -5,9 +5,9 @@ from flying import Wanderer, WatchedBatch, fly
 from hypothesis import given, settings
 from strategies import change, limitations, scenarios, seeds
 
-from commhg_mj.mission.replies import TIRED, TIRING
+from commhg_mj.base.terms import Activity, Status
+from commhg_mj.mission.messages import TIRED, TIRING
 from commhg_mj.scenarios import SCENARIOS
-from commhg_mj.terms import Activity, Status
 
 OWN = ["x", "y", "task", "activity", "progress"]  # what a robot knows best of itself
 SUPERVISION = ["mode", "controller"]

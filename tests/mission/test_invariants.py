@@ -7,9 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from strategies import change, limitations, link_models, scenarios, seeds
 
-from commhg_mj.pilots import prepare
+from commhg_mj.base.terms import NOBODY, Activity, Fate, Kind, Mode, Session, Status
+from commhg_mj.policies import prepare
 from commhg_mj.scenarios import SCENARIOS
-from commhg_mj.terms import NOBODY, Activity, Fate, Kind, Mode, Session, Status
 
 NEVER_SENT = [Fate.OUT_OF_RANGE, Fate.NO_TOKENS, Fate.EXPIRED]
 

@@ -14,12 +14,11 @@ from hypothesis import given, settings
 from strategies import change, limitations, link_models, scenarios, seeds
 
 import commhg_mj
+from commhg_mj.base.terms import Fate, Kind, Mode, TaskType
 from commhg_mj.mission.batch import MissionBatch
 from commhg_mj.mission.randomness import Event, uniform
-from commhg_mj.pilots import prepare
-from commhg_mj.policies import POLICIES
+from commhg_mj.policies import POLICIES, prepare
 from commhg_mj.scenarios import SCENARIOS
-from commhg_mj.terms import Fate, Kind, Mode, TaskType
 
 SHORT = change(SCENARIOS["small"], time_limit=150)
 

@@ -10,16 +10,15 @@ import pytest
 from flying import differences, fingerprint, fly, history
 from strategies import change
 
+from commhg_mj.base.terms import Fate, Kind
 from commhg_mj.mission.batch import MissionBatch
 from commhg_mj.mission.draw import others
-from commhg_mj.mission.links import link_between, link_to_station
+from commhg_mj.mission.propagation import link_between, link_to_station
 from commhg_mj.models.raymodel import python_ray_functions, ray_functions
-from commhg_mj.pilots import prepare
-from commhg_mj.policies import POLICIES
-from commhg_mj.radio.evaluate import WorldLinks
-from commhg_mj.radio.rules import LINK_MODELS, RAY_MODELS
+from commhg_mj.policies import POLICIES, prepare
+from commhg_mj.radio.link_models import LINK_MODELS, RAY_MODELS
+from commhg_mj.radio.world_links import WorldLinks
 from commhg_mj.scenarios import LIMITATIONS, PROFILES, SCENARIOS
-from commhg_mj.terms import Fate, Kind
 
 SHORT = change(SCENARIOS["small"], time_limit=120)
 RAYS = [name for name, model in LINK_MODELS.items() if model in RAY_MODELS]

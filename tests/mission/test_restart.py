@@ -5,11 +5,11 @@ import pytest
 from flying import Wanderer, copied, differences, fingerprint, flown, fly, plain
 from strategies import change
 
+from commhg_mj.base.terms import NOBODY
 from commhg_mj.mission.batch import MissionBatch, stay
 from commhg_mj.mission.trace import ARRAYS, make_traces
 from commhg_mj.radio import LINK_MODELS
 from commhg_mj.scenarios import SCENARIOS
-from commhg_mj.terms import NOBODY
 
 BRIEF = change(SCENARIOS["small"], time_limit=60)
 

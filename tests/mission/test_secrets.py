@@ -7,12 +7,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from strategies import limitations, scenarios, seeds
 
+from commhg_mj.base.terms import NOBODY, Activity
 from commhg_mj.mission.batch import MissionBatch, advance_and_observe
 from commhg_mj.mission.decide import new_masks
 from commhg_mj.mission.observe import UNKNOWN, new_observations
-from commhg_mj.pilots import prepare
-from commhg_mj.policies import POLICIES
-from commhg_mj.terms import NOBODY, Activity
+from commhg_mj.policies import POLICIES, prepare
 
 PUBLIC = ["x", "y", "announced", "difficulty", "value", "deadline", "decay"]  # of released tasks
 HIDDEN = [

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from flying import Pilot, Wanderer, fly, plain
 
+from commhg_mj.base.terms import IDLE, KEEP, NOBODY, Activity, Mode, Status, TaskType
 from commhg_mj.mission.batch import MissionBatch, stay
 from commhg_mj.mission.score import twcr
-from commhg_mj.pilots import prepare
-from commhg_mj.terms import IDLE, KEEP, NOBODY, Activity, Mode, Status, TaskType
+from commhg_mj.policies import prepare
 
 
 def alone(**fields):

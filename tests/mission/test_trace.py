@@ -8,12 +8,12 @@ from flying import Wanderer, flown, fly
 from hypothesis import given, settings
 from strategies import change, limitations, link_models, scenarios, seeds
 
+from commhg_mj.base.terms import Activity, Fate, Kind, Session
 from commhg_mj.mission.batch import MissionBatch
-from commhg_mj.mission.log import SAMPLE_PERIOD
+from commhg_mj.mission.recorder import SAMPLE_PERIOD
 from commhg_mj.mission.trace import load_trace, make_traces, save_trace
-from commhg_mj.pilots import prepare
+from commhg_mj.policies import prepare
 from commhg_mj.scenarios import SCENARIOS
-from commhg_mj.terms import Activity, Fate, Kind, Session
 
 SHORT = change(SCENARIOS["small"], time_limit=90)
 

@@ -5,10 +5,10 @@ import pytest
 from flying import Pilot, Wanderer, flown, plain
 from strategies import change
 
+from commhg_mj.base.terms import IDLE, NOBODY, REST, Fate, Kind, Status, TaskType
 from commhg_mj.mission.batch import MissionBatch, stay
 from commhg_mj.models.layout import inside_any, unit_frame
 from commhg_mj.scenarios import LIMITATIONS, SCENARIOS
-from commhg_mj.terms import IDLE, NOBODY, REST, Fate, Kind, Status, TaskType
 
 QUERY, REQUEST, TELEMETRY = 0, 1, 2  # places of an uplink
 COMMAND = 0  # place of a downlink

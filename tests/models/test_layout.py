@@ -6,9 +6,9 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from strategies import change
 
+from commhg_mj.base.terms import Footprint
 from commhg_mj.models.layout import SURFACE_NODES, draw_layout, inside_any, surface_half_width, unit_frame
 from commhg_mj.scenarios import SCENARIOS
-from commhg_mj.terms import Footprint
 
 
 def layout_of(scenario, seed):

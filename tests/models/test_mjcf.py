@@ -4,10 +4,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from commhg_mj.models import mjcf
+from commhg_mj.base.terms import TaskType
+from commhg_mj.models import mjcf, obstacle_model
 from commhg_mj.models.world import make_world
 from commhg_mj.scenarios import SCENARIOS, from_dict
-from commhg_mj.terms import TaskType
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +41,7 @@ def test_mountains_are_where_the_layout_says(world, bare, model):
     xy = np.concatenate([[m["x"], m["y"]] + rng.uniform(-m["b"], m["b"], (60, 2)) for m in world.layout.mountains])
     expected = world.layout.ground_height(xy)
     for each in (bare, model):
-        heights = np.nan_to_num(look_down(each, xy, mjcf.Group.MOUNTAIN))
+        heights = np.nan_to_num(look_down(each, xy, obstacle_model.Group.MOUNTAIN))
         np.testing.assert_allclose(heights, expected, atol=0.02)
     assert np.mean(expected > 1) > 0.5
 
@@ -49,7 +49,7 @@ def test_mountains_are_where_the_layout_says(world, bare, model):
 def test_canopies_are_the_forest_parts(world, bare):
     forests = world.layout.forests
     geoms = [bare.geom(f"canopy{i}") for i in range(len(forests))]
-    assert np.sum(bare.geom_group == mjcf.Group.CANOPY) == len(forests)
+    assert np.sum(bare.geom_group == obstacle_model.Group.CANOPY) == len(forests)
     for geom, part in zip(geoms, forests):
         bottom, top = geom.pos[2] - geom.size[1], geom.pos[2] + geom.size[1]
         np.testing.assert_allclose([*geom.pos[:2], geom.size[0]], [part["x"], part["y"], part["a"]])

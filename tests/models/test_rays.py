@@ -8,14 +8,14 @@ import mujoco
 import numpy as np
 import pytest
 
-from commhg_mj.models import mjcf, raymodel
+from commhg_mj.base.terms import Footprint
+from commhg_mj.models import mjcf, obstacle_model, raymodel
 from commhg_mj.models.layout import PART, SURFACE_NODES, Layout
 from commhg_mj.models.raymodel import RayModel, python_ray_functions, ray_functions
 from commhg_mj.models.rays import NO_RAYS, RAY, is_blocked, metres_in_canopies
 from commhg_mj.models.terrain import NOTHING, add_profile
 from commhg_mj.models.world import make_world
 from commhg_mj.scenarios import SCENARIOS
-from commhg_mj.terms import Footprint
 
 WORLDS = [("small", 0), ("medium", 1), ("large", 2)]
 every_world = pytest.mark.parametrize("name, seed", WORLDS)
@@ -123,7 +123,7 @@ def test_mountains_block_what_mujocos_own_ray_meets(name, seed):
     model = mjcf.build_model(world, pictures=False)
     data, groups, hit = mujoco.MjData(model), np.zeros(6, np.uint8), np.zeros(1, np.int32)
     mujoco.mj_kinematics(model, data)
-    groups[mjcf.Group.MOUNTAIN] = 1
+    groups[obstacle_model.Group.MOUNTAIN] = 1
     layout, rng, found = world.layout, np.random.default_rng(seed), []
     for a, b in links_near(layout.mountains, 300, rng, [1.0, 15.0, 60.0]):
         for end in (a, b):

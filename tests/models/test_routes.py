@@ -8,10 +8,10 @@ from hypothesis import strategies as st
 from scipy.sparse.csgraph import dijkstra
 from strategies import change, scenarios, seeds
 
+from commhg_mj.base.terms import TaskType
 from commhg_mj.models.layout import inside_any, unit_frame
 from commhg_mj.models.world import make_world
 from commhg_mj.scenarios import SCENARIOS
-from commhg_mj.terms import TaskType
 
 NAMED = [("small", 1), ("small", 2), ("medium", 1), ("large", 5)]
 SLACK = 0.05  # m that a route may graze into the inflated rim

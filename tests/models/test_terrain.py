@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
+from commhg_mj.base.terms import Footprint
 from commhg_mj.models.layout import PART, Layout
 from commhg_mj.models.raymodel import RayModel
 from commhg_mj.models.terrain import NOTHING, SURFACE_NODES, add_profile, ground_at
 from commhg_mj.models.world import make_world
-from commhg_mj.radio.budget import fresnel_parameter, knife_edge_loss, wavelength
+from commhg_mj.radio.losses import fresnel_parameter, knife_edge_loss, wavelength
 from commhg_mj.scenarios import SCENARIOS
-from commhg_mj.terms import Footprint
 
 WORLDS = [("small", 0), ("medium", 1), ("large", 2)]
 every_world = pytest.mark.parametrize("name, seed", WORLDS, ids=lambda value: str(value))

@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given, settings
 from strategies import change, scenarios, seeds
 
+from commhg_mj.base.terms import TaskType
 from commhg_mj.models.layout import inside_any, unit_frame
 from commhg_mj.models.world import kept_world, make_world
 from commhg_mj.scenarios import SCENARIOS
-from commhg_mj.terms import TaskType
 
 
 @settings(max_examples=25)

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from flying import Pilot, copied, plain
 
+from commhg_mj.base.terms import IDLE, KEEP, NOBODY, Activity, Status
 from commhg_mj.mission.batch import MissionBatch
 from commhg_mj.policies.greedy import CLAIM_TRUST, TIRED, Greedy
 from commhg_mj.policies.schedule import BROADCAST_PERIOD, HARD, REQUEST_PERIOD
 from commhg_mj.scenarios import SCENARIOS
-from commhg_mj.terms import IDLE, KEEP, NOBODY, Activity, Status
 
 
 def idle_team(**fields):

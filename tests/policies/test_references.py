@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 from flying import fly, plain
 
+from commhg_mj.base.terms import IDLE, KEEP, NOBODY, REST
 from commhg_mj.mission.batch import MissionBatch
-from commhg_mj.pilots import find_policy, prepare
-from commhg_mj.policies import POLICIES
+from commhg_mj.policies import POLICIES, find_policy, prepare
 from commhg_mj.policies.random import Random
-from commhg_mj.terms import IDLE, KEEP, NOBODY, REST
 
 
 def test_random_is_uniform_over_open_choices():

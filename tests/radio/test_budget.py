@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.special import erfc, fresnel
 
-from commhg_mj.base import elementary
-from commhg_mj.radio import budget
-from commhg_mj.radio.rules import snr_of_delivery
+from commhg_mj.base import elementary_functions as elementary
+from commhg_mj.radio import losses as budget
+from commhg_mj.radio.link_models import snr_of_delivery
 
 UNION = {5: 36, 6: 211, 7: 1404, 8: 11633, 9: 77433, 10: 502690, 11: 3322763, 12: 21292910, 13: 134365911}
 

@@ -15,19 +15,18 @@ from flying import Wanderer, copied, differences, fingerprint, flown, fly, histo
 from strategies import change
 
 import commhg_mj
+from commhg_mj.base.terms import Fate, Kind
 from commhg_mj.mission.batch import MissionBatch
-from commhg_mj.mission.links import link_between, link_to_station
+from commhg_mj.mission.propagation import link_between, link_to_station
 from commhg_mj.models.world import make_world
-from commhg_mj.pilots import prepare
-from commhg_mj.policies import POLICIES
+from commhg_mj.planning.coverage import cover
+from commhg_mj.planning.endpoints import parse_endpoint
+from commhg_mj.policies import POLICIES, prepare
 from commhg_mj.radio import LINK_MODELS, find_link_model
-from commhg_mj.radio.evaluate import WorldLinks
+from commhg_mj.radio.link_models import LINK, OWN_MODELS
 from commhg_mj.radio.links import passing_share
-from commhg_mj.radio.rules import LINK, OWN_MODELS
+from commhg_mj.radio.world_links import WorldLinks
 from commhg_mj.scenarios import SCENARIOS
-from commhg_mj.study.coverage import cover
-from commhg_mj.study.places import parse_place
-from commhg_mj.terms import Fate, Kind
 
 SHORT = change(SCENARIOS["small"], time_limit=120)
 MEDIUM = SCENARIOS["medium"]
@@ -259,7 +258,7 @@ def test_traces_and_coverage_carry_the_name(tmp_path, monkeypatch):
     (trace,), path = commhg_mj.make_traces(batch, "greedy"), tmp_path / "own.npz"
     commhg_mj.save_trace(trace, path)
     assert commhg_mj.load_trace(path).links == "test-fading" and np.any(trace.link_quality % 95)
-    covered = cover(batch.worlds[0], parse_place("station", SHORT, "from"), 1.5, models=("test-fading",)).delivered
+    covered = cover(batch.worlds[0], parse_endpoint("station", SHORT, "from"), 1.5, models=("test-fading",)).delivered
     assert 0 <= covered["test-fading"].min() < covered["test-fading"].max() < 0.95
     monkeypatch.delitem(OWN_MODELS, "test-fading")
     with pytest.raises(ValueError, match=r"own\.npz: unknown link model 'test-fading': use .* or register it"):

@@ -6,13 +6,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from strategies import change
 
+from commhg_mj.base.terms import Footprint
 from commhg_mj.models.layout import inside_any, unit_frame
 from commhg_mj.models.world import make_world
 from commhg_mj.radio import find_link_model
 from commhg_mj.radio.abstract import metres_inside
-from commhg_mj.radio.evaluate import WorldLinks
+from commhg_mj.radio.world_links import WorldLinks
 from commhg_mj.scenarios import SCENARIOS
-from commhg_mj.terms import Footprint
 
 
 def metres(world, kind, a, b):

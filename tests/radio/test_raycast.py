@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from strategies import change
 
+from commhg_mj.base.terms import Footprint
 from commhg_mj.models.layout import PART, SURFACE_NODES
 from commhg_mj.models.world import make_world
-from commhg_mj.radio import budget
-from commhg_mj.radio.evaluate import WorldLinks
+from commhg_mj.radio import losses as budget
 from commhg_mj.radio.raycast import dominant_edge
 from commhg_mj.radio.shadowing import draw_waves
+from commhg_mj.radio.world_links import WorldLinks
 from commhg_mj.scenarios import LIMITATIONS, PROFILES, SCENARIOS
-from commhg_mj.terms import Footprint
 
 MEDIUM = SCENARIOS["medium"]
 WAVELENGTH = 299_792_458 / 2.4e9

@@ -6,8 +6,8 @@ from strategies import change
 
 from commhg_mj.models.world import make_world
 from commhg_mj.radio import LINK_MODELS
-from commhg_mj.radio.evaluate import WorldLinks
-from commhg_mj.radio.rules import RAY_MODELS, REFERENCE_SIZE, radio_rules, system_loss
+from commhg_mj.radio.link_models import RAY_MODELS, REFERENCE_SIZE, radio_rules, system_loss
+from commhg_mj.radio.world_links import WorldLinks
 from commhg_mj.scenarios import LIMITATIONS, PROFILES, SCENARIOS, RadioRules
 
 RANGES = {"nominal": 0.30, "low": 0.22, "high": 0.14}  # of the side: the paper's and ours

@@ -7,8 +7,8 @@ import pytest
 from strategies import change
 
 from commhg_mj.models.world import make_world
-from commhg_mj.radio.evaluate import WorldLinks
 from commhg_mj.radio.shadowing import draw_waves, field_at, shadowing_loss
+from commhg_mj.radio.world_links import WorldLinks
 from commhg_mj.scenarios import SCENARIOS
 
 SEEDS = 1500

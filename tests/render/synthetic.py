@@ -4,11 +4,11 @@ import dataclasses
 
 import numpy as np
 
-from commhg_mj.mission.log import NOT_DECIDED, SAMPLE_PERIOD
+from commhg_mj.base.terms import Activity, Fate, Kind, Mode, Session, TaskType
+from commhg_mj.mission.recorder import NOT_DECIDED, SAMPLE_PERIOD
 from commhg_mj.mission.trace import Trace
 from commhg_mj.models.world import make_world
 from commhg_mj.scenarios import SCENARIOS
-from commhg_mj.terms import Activity, Fate, Kind, Mode, Session, TaskType
 
 TRAVEL, SERVICE = Activity.TRAVELLING, Activity.SERVICING
 RELAYED = (Kind.BROADCAST, Kind.TELEMETRY, Kind.QUERY, Kind.REQUEST)

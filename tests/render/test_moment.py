@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
+from commhg_mj.base.terms import Activity, Fate, Kind
 from commhg_mj.render.moment import Timeline
-from commhg_mj.terms import Activity, Fate, Kind
 
 
 @pytest.fixture(scope="module")

@@ -5,10 +5,10 @@ import cv2
 import numpy as np
 import pytest
 
+from commhg_mj.base.terms import IDLE, KEEP, REST
 from commhg_mj.render import check_same_mission, first_divergence, render_image, render_video
 from commhg_mj.render.film import _make_film
 from commhg_mj.render.pair import joined_size
-from commhg_mj.terms import IDLE, KEEP, REST
 
 SIZE = (320, 180)
 

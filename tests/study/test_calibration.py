@@ -5,9 +5,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from commhg_mj.cli.tables.calibrate import calibration_tables
+from commhg_mj.flights.held_out import CALIBRATION
 from commhg_mj.scenarios import SCENARIOS, from_dict
 from commhg_mj.study import calibration
-from commhg_mj.study.calibration import FIRST_SEED, FLIGHTS, calibrate, calibration_tables
+from commhg_mj.study.calibration import FLIGHTS, calibrate
 
 GOOD = {
     "random": 0.2, "greedy": 0.6, "greedy high": 0.5, "greedy low": 0.55, "greedy alone": 0.5,
@@ -34,7 +36,7 @@ def test_all_references_fly_the_same_missions(flown):
     ended = []
     result = calibrate("small", 4, advance=ended.append)
     assert len(flown.calls) == len(FLIGHTS) == len(result.twcr) and sum(ended) == 4 * len(FLIGHTS)
-    assert {seeds for *_, seeds, _ in flown.calls} == {tuple(range(FIRST_SEED, FIRST_SEED + 4))}
+    assert {seeds for *_, seeds, _ in flown.calls} == {tuple(range(CALIBRATION, CALIBRATION + 4))}
     assert sum(scenario.n_operators == 0 for scenario, *_ in flown.calls) == 2
     assert {scenario.name for scenario, *_ in flown.calls} == {SCENARIOS["small"].name}
     assert result.scenario == "small"

@@ -3,12 +3,12 @@
 import numpy as np
 from strategies import change
 
+from commhg_mj.base.terms import IDLE, KEEP, NOBODY, REST
 from commhg_mj.mission.batch import stay
 from commhg_mj.scenarios import SCENARIOS
 from commhg_mj.tasks.choices import PER_ROBOT, Choices
 from commhg_mj.tasks.columns import COLUMNS
 from commhg_mj.tasks.tables import new_tables
-from commhg_mj.terms import IDLE, KEEP, NOBODY, REST
 
 BRIEF = change(SCENARIOS["small"], time_limit=60)
 BRITTLE = change(BRIEF, malfunction=0.999, time_limit=120)  # robots fail one after the other

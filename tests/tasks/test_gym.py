@@ -15,11 +15,11 @@ from gymnasium.utils.env_checker import check_env
 from playing import BRIEF, BRITTLE, LONELY, Dice, open_everywhere
 from strategies import change
 
-from commhg_mj.heightmap import PIXELS, to_text
 from commhg_mj.mission.score import Score
 from commhg_mj.mission.trace import make_traces
 from commhg_mj.radio import LINK_MODELS
 from commhg_mj.scenarios import LIMITATIONS, SCENARIOS
+from commhg_mj.scenarios.heightmap import PIXELS, to_text
 from commhg_mj.tasks import MissionEnv
 from commhg_mj.tasks.registration import ID
 

@@ -12,10 +12,10 @@ from pettingzoo.test import parallel_api_test, parallel_seed_test
 from playing import BRIEF, BRITTLE, LONELY, Dice
 from strategies import change
 
+from commhg_mj.base.terms import Activity
 from commhg_mj.radio import LINK_MODELS
 from commhg_mj.scenarios import SCENARIOS
 from commhg_mj.tasks import MissionEnv, parallel_env
-from commhg_mj.terms import Activity
 
 every_scenario = pytest.mark.parametrize("scenario", SCENARIOS)
 OURS = {"brief": BRIEF, "brittle": BRITTLE, "lonely": LONELY}

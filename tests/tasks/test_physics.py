@@ -9,12 +9,12 @@ import pytest
 from playing import BRIEF, BRITTLE, Dice
 
 from commhg_mj import WorldLinks, make_world
-from commhg_mj.models.mjcf import Group
+from commhg_mj.base.terms import Activity
+from commhg_mj.models.obstacle_model import Group
 from commhg_mj.models.poses import FALLEN_HEIGHT, attitude
 from commhg_mj.scenarios import SCENARIOS
 from commhg_mj.tasks.physics import Physics
 from commhg_mj.tasks.surveillance import make
-from commhg_mj.terms import Activity
 
 SAMPLES = 5_001
 

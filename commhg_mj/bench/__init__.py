@@ -1,0 +1,1 @@
+"""Speeds of this machine: kernels, worlds, training, interfaces beside other people's."""

@@ -1,0 +1,23 @@
+"""What `calibrate` prints."""
+
+from rich.box import MARKDOWN
+from rich.table import Table
+
+from ...study.calibration import Calibration
+
+
+def calibration_tables(results: list[Calibration], n_missions: int) -> list[Table]:
+    """TWCR of every reference, and the rules with what was measured; docs/calibration.md holds them as printed."""
+    figures = Table(title=f"mean TWCR, {n_missions} missions [95 % interval]", title_justify="left", box=MARKDOWN)
+    rules = Table(title="rules", title_justify="left", box=MARKDOWN)
+    figures.add_column("flight")
+    rules.add_column("rule")
+    for result in results:
+        figures.add_column(result.scenario)
+        rules.add_column(result.scenario)
+    for label in results[0].twcr:
+        figures.add_row(label, *(str(result.twcr[label]) for result in results))
+    for i, rule in enumerate(results[0].rules):
+        verdicts = (result.rules[i] for result in results)
+        rules.add_row(rule.text, *(f"{'holds' if v.holds else 'BROKEN'}: {v.measured}" for v in verdicts))
+    return [figures, rules]

@@ -1,0 +1,198 @@
+"""Commands that train policies and score them on held-out missions."""
+
+import dataclasses
+import shlex
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import tyro
+
+from ..base.kernels import ensure_compiled
+from ..mission.batch import check_seed
+from ..radio import find_link_model
+from ..scenarios import load_scenario
+from .console import LOG, OUT, Limitation, at_least, check_file, make_folder, progress, say
+
+
+@dataclass(frozen=True)
+class Train:
+    """Train a method; Ctrl-C leaves a run that --resume continues to the same bits."""
+
+    out: Path
+    """folder of the run: state, weights and log"""
+    method: str = "commhg"
+    """a learned method"""
+    scenario: str = "medium"
+    """small, medium, large, or a TOML file that overrides one of them"""
+    seed: int = 0
+    """of networks, choices and training missions"""
+    missions: int = 4000
+    """to fly in all; the learning rate falls towards the last"""
+    minutes: float | None = None
+    """stop after so many minutes of CPU, wherever the run stands; those of the weights it began with count too"""
+    side_by_side: int = 32
+    """missions under way at once"""
+    workers: int = 1
+    """processes, which share these missions and the decisions of an update"""
+    device: Literal["cpu", "cuda"] = "cpu"
+    """where the networks learn; missions are always flown on the CPU"""
+    lam: float = 0.95
+    """decay of the advantage's trace"""
+    trace: Literal["decision", "second"] = "decision"
+    """what the trace decays by: an actor's decisions, or the seconds between them"""
+    init: str = ""
+    """weights to begin with, in place of imitating Greedy; or small-to-large: learn on every smaller scenario first"""
+    links: str = "abstract"
+    """link model"""
+    limitation: Limitation = "nominal"
+    """of communication"""
+    resume: bool = False
+    """go on with the run in --out; its own options count, but for --minutes, --device and --tensorboard"""
+    tensorboard: bool = False
+    """insist on TensorBoard's scalars, which go into --out whenever that package is installed"""
+
+    def __call__(self):
+        from ..learning.curriculum import follow, read_plan, trainings
+        from ..learning.distributed import process_group
+        from ..learning.ppo import check_device
+        from ..learning.run_log import find_writer
+
+        if self.minutes is not None and not self.minutes > 0:
+            raise ValueError(f"--minutes must be more than 0, is {self.minutes}")
+        if self.tensorboard and find_writer() is None:
+            raise ValueError("--tensorboard: the package is not installed: pip install 'commhg_mj[tensorboard]'")
+        check_device(self.device)
+        plan = read_plan(self.out) if self.resume else self._begin()
+        seconds = float("inf") if self.minutes is None else 60.0 * self.minutes
+        if plan.workers > 1:
+            ensure_compiled()  # once, not in every process
+        try:
+            with process_group(plan.workers, follow, plan, self.out, seconds, self.device) as group:
+                for training in trainings(plan, self.out, group, self.device):
+                    self._run(training, seconds)
+        except KeyboardInterrupt as interrupt:
+            again = f"commhg-mj train --resume --out {shlex.quote(str(self.out))}"
+            again += f" --device {self.device}" if self.device != "cpu" else ""
+            what = str(interrupt) or "interrupted"
+            raise type(interrupt)(f"{what}; to go on from the last whole update: {again}") from None
+
+    def _begin(self):
+        """The plan of a new run, whose folder is made once everything else is known to be right."""
+        from ..learning.curriculum import PLAN, SMALL_TO_LARGE, smaller, write_plan
+        from ..learning.ppo import Hyper
+        from ..learning.registry import find_method
+        from ..learning.train import STATE, Plan, begin_with
+
+        if (self.out / PLAN).exists() or (self.out / STATE).exists():
+            raise ValueError(f"--out {self.out} holds a run already: --resume continues it")
+        method, scenario = find_method(self.method)(), load_scenario(self.scenario)
+        find_link_model(self.links)
+        check_seed(self.seed)
+        for name in ("missions", "workers"):
+            at_least(name, getattr(self, name), 1)
+        at_least("side-by-side", self.side_by_side, self.workers)
+        if not 0 <= self.lam <= 1:
+            raise ValueError(f"--lam must be from 0 to 1, is {self.lam}")
+        init = "" if self.init == SMALL_TO_LARGE and not smaller(scenario) else self.init
+        if init not in ("", SMALL_TO_LARGE):
+            begin_with(method, init)
+        plan = Plan(
+            self.method, scenario, self.seed, self.links, self.limitation, self.missions,
+            self.side_by_side, self.workers, init=init,
+            hyper=Hyper.of(scenario.n_robots, bool(init), lam=self.lam, trace=self.trace),
+        )  # fmt: skip
+        make_folder(self.out)
+        write_plan(plan, self.out)
+        return plan
+
+    def _run(self, training, seconds):
+        from ..learning.train import WEIGHTS
+
+        plan, shown = training.plan, 0
+        with progress(f"{plan.method} on {plan.scenario.name}", plan.missions) as advance:
+            for row in training.run(seconds):
+                advance(row["missions"] - shown)
+                shown = row["missions"]
+                line = (
+                    f"update {row['update']:4d}  missions {row['missions']:5d}/{plan.missions}  TWCR {row['twcr']:.3f}  "
+                    f"KL {row['kl']:.4f}  entropy {row['entropy']:.3f}  {row['rate']:5.0f} decisions/CPU-s"
+                )
+                if row["validation"] == row["validation"]:  # not every update flies them
+                    line += f"  validation {row['validation']:.3f}, Greedy {training.validation.greedy:.3f}"
+                say(line, LOG)
+        minutes = (training.cpu_seconds + training.cpu_before) / 60
+        say(f"{training.folder / WEIGHTS} after {minutes:.0f} CPU-minutes in all")
+
+
+@dataclass(frozen=True)
+class Evaluate:
+    """Score policies on held-out missions, the same for all: TWCR, paired differences to the first, communication."""
+
+    policy: tuple[str, ...] = ("greedy", "random")
+    """references, trained methods, or files of weights"""
+    scenario: str = "medium"
+    """small, medium, large, or a TOML file that overrides one of them"""
+    missions: int = 200
+    """how many"""
+    links: str = "abstract"
+    """link model"""
+    limitation: Limitation = "nominal"
+    """of communication"""
+    workers: int = 2
+    """processes"""
+    out: Path | None = None
+    """FILE.json that gets every mission's TWCR and figures of communication"""
+
+    def __call__(self):
+        from ..study.evaluation import evaluate, save_evaluation
+        from .tables.evaluate import evaluation_tables
+
+        check_file(self.out)
+        scenario = load_scenario(self.scenario)
+        find_link_model(self.links)
+        at_least("missions", self.missions, 2)
+        at_least("workers", self.workers, 1)
+        with progress("flying", self.missions * len(self.policy)) as advance:
+            flights = evaluate(scenario, self.policy, self.missions, self.links, self.limitation, self.workers, advance)
+        title = f"{scenario.name}, {self.links} links, {self.limitation} limitation, {self.missions} held-out missions"
+        OUT.print(evaluation_tables(title, flights))
+        if self.out is not None:
+            settings = {name: value for name, value in dataclasses.asdict(self).items() if name not in ("out", "workers")}
+            save_evaluation(self.out, settings, flights)
+
+
+@dataclass(frozen=True)
+class Publish:
+    """Score a run's weights on held-out missions and write them with a model card, as the package's own were."""
+
+    run: tyro.conf.Positional[Path]
+    """folder of a run, or a file of weights"""
+    out: Path = Path("commhg_mj/learning/trained")
+    """folder that gets METHOD-SCENARIO.safetensors and .md"""
+    missions: int = 200
+    """how many"""
+    links: str = "abstract"
+    """link model"""
+    limitation: Limitation = "nominal"
+    """of communication"""
+    workers: int = 2
+    """processes"""
+
+    def __call__(self):
+        from ..base.files import whole_file
+        from ..learning.pretrained import ENDING
+        from ..learning.train import WEIGHTS
+        from ..study.model_card import make_card
+
+        path = self.run / WEIGHTS if self.run.is_dir() else self.run
+        find_link_model(self.links)
+        at_least("missions", self.missions, 2)
+        at_least("workers", self.workers, 1)
+        with progress("flying", self.missions * 5) as advance:
+            name, card = make_card(path, self.missions, self.links, self.limitation, self.workers, advance)
+        make_folder(self.out)
+        for target, content in ((f"{name}{ENDING}", path.read_bytes()), (f"{name}.md", card.encode())):
+            with whole_file(self.out / target) as draft:
+                draft.write_bytes(content)
+        say(f"{self.out / name}{ENDING} and its card {name}.md")

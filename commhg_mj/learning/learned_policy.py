@@ -1,0 +1,38 @@
+"""A learned method as a policy: `policy(observations) -> decisions`, as every other."""
+
+import numpy as np
+import torch
+
+from ..mission.batch import MissionBatch
+from .graphs import GraphBuilder
+from .noise import Draws
+from .rollout import Actors, unchanged
+
+# What an evaluation takes away from trained actors, to see what it was worth.
+VARIANTS = {
+    "no-query": lambda logits: logits._replace(query=None),
+    "random-gates": lambda logits: logits._replace(gate=torch.zeros(len(logits.keep_idle))),
+}
+
+
+class LearnedPolicy:
+    """Decides by a method's actors for one batch of missions, each as if it flew alone; the critic is not used.
+
+    Args:
+      is_greedy: take the best choice instead of drawing one.
+      variant: of `VARIANTS`, or none.
+
+    Raises:
+      ValueError: the method has no such head.
+    """
+
+    def __init__(self, method, batch: MissionBatch, is_greedy=False, variant=""):
+        if variant and not method.communicates:
+            raise ValueError(f"{method.name}+{variant}: {method.name} follows the fixed schedule, it has no such head")
+        self.builder = GraphBuilder(batch)
+        self.actors, self.is_greedy = Actors(method, self.builder, VARIANTS.get(variant, unchanged)), is_greedy
+        self.public = self.builder.public(batch.state.tasks)
+        self.seeds = np.array(batch.seeds, np.uint64)
+
+    def __call__(self, observations):
+        return self.actors.decide(observations, self.public, Draws(self.seeds, observations), self.is_greedy).decisions

@@ -1,0 +1,124 @@
+"""What messages carry: broadcasts, telemetry, and replies to queries (docs/benchmark.md, section 6)."""
+
+from ..base.elementary_functions import distance
+from ..base.kernels import kernel
+from ..base.terms import NOBODY, Activity
+from .accessors import belief_of, copy_record, downlink_of, operator_of, peer_of, robot_of, task_of, tip_of
+from .records import DONE, OPEN
+from .state import NEVER
+
+SERVICING = int(Activity.SERVICING)
+# Fatigue is reported in three classes: fresh, tiring, tired.
+TIRING, TIRED = 0.3, 0.6
+
+
+@kernel
+def write_broadcast(m, message, r, now):
+    """Robot r's own state, and its freshest task records."""
+    write_peer(m, message.robot, r, now)
+    freshest(m, r, False, m.rules.broadcast_records, message)
+
+
+@kernel
+def write_telemetry(m, message, r, now):
+    """Robot r's own state, and the freshest task records that it has sensed itself."""
+    write_peer(m, message.robot, r, now)
+    freshest(m, r, True, m.rules.telemetry_records, message)
+
+
+@kernel
+def copy_payload(source, target):
+    """The same content for another receiver of one broadcast."""
+    copy_record(target.robot, source.robot)
+    target.records = source.records
+    for k in range(source.records):
+        target.task[k] = source.task[k]
+        target.belief[k] = source.belief[k]
+
+
+@kernel
+def write_peer(m, record, r, time):
+    """Fill a record with robot r's true state, as it reports it itself."""
+    robot = robot_of(m, r)
+    record.time = time
+    record.x = robot.x
+    record.y = robot.y
+    record.activity = robot.activity
+    record.mode = robot.mode
+    record.controller = robot.controller
+    record.task = robot.task
+    # On its way a robot knows nothing of its task's progress.
+    record.progress = task_of(m, robot.task).progress if robot.activity == SERVICING else 0.0
+    record.request_time = NEVER
+
+
+@kernel
+def freshness(belief, task, own_task):
+    """Evidence time; the sender's own task goes before others of the same second."""
+    return belief.time + (0.5 if task == own_task else 0.0)
+
+
+@kernel
+def freshest(m, r, only_sensed, limit, message):
+    """Copy robot r's `limit` freshest task records into a message, newest first."""
+    own, count = robot_of(m, r).task, 0
+    for j in range(m.n_tasks):
+        belief = belief_of(m, r, j)
+        if belief.time < 0.0 or (only_sensed and not belief.sensed) or limit == 0:
+            continue
+        rank = freshness(belief, j, own)
+        if count == limit and rank <= freshness(message.belief[count - 1], message.task[count - 1], own):
+            continue
+        k = count if count < limit else limit - 1
+        while k > 0 and freshness(message.belief[k - 1], message.task[k - 1], own) < rank:
+            message.belief[k] = message.belief[k - 1]
+            message.task[k] = message.task[k - 1]
+            k -= 1
+        message.belief[k] = belief
+        message.task[k] = j
+        count = min(count + 1, limit)
+    message.records = count
+
+
+@kernel
+def write_reply(m, message, h, tip, now):
+    """Operator h's resources, and the station's record of task `tip`, if any."""
+    operator, report = operator_of(m, h), message.resource
+    report.time = now
+    report.tokens = operator.tokens
+    report.robot = operator.robot
+    report.session = operator.session
+    report.fatigue_class = 0 if operator.fatigue < TIRING else (1 if operator.fatigue < TIRED else 2)
+    waiting = 0
+    for place in range(m.n_downlink_places):
+        waiting += downlink_of(m, h, place).since >= 0.0
+    report.queue = waiting
+    if tip != NOBODY:
+        message.records = 1
+        message.task[0] = tip
+        message.belief[0] = belief_of(m, m.n_robots, tip)
+
+
+@kernel
+def choose_tip(m, r):
+    """The most useful fresh record for robot r as far as the station knows, or NOBODY.
+
+    Its reported assignment first, if done or changed; then the nearest change that it has not been sent.
+    """
+    station = m.n_robots
+    report = peer_of(m, station, r)
+    x, y = m.station_x, m.station_y  # where all robots start
+    if report.time >= 0.0:
+        x, y = report.x, report.y
+    tip, nearest = NOBODY, 1e300
+    for j in range(m.n_tasks):
+        belief, task = belief_of(m, station, j), task_of(m, j)
+        ends = belief.status == DONE or belief.type != task.announced
+        if not ends and (belief.status == OPEN or report.task == j):
+            continue
+        if belief.time < 0.0 or belief.time <= tip_of(m, r, j).time:
+            continue
+        way = -1.0 if report.task == j else distance(task.x - x, task.y - y)
+        if way < nearest:
+            tip, nearest = j, way
+    return tip

@@ -1,0 +1,49 @@
+"""Policies on held-out missions, paired mission by mission."""
+
+import json
+
+import numpy as np
+
+from ..base.files import whole_file
+from ..flights.held_out import HELD_OUT
+from ..flights.statistics import mean_interval, middle_interval
+from ..policies import find_policy, label_of
+from ..replay.communication import FIGURES, fly_and_listen
+
+
+def evaluate(scenario, policies, n_missions, links, limitation, workers, advance) -> dict:
+    """{policy: score and figures of communication of each of the same held-out missions}."""
+    seeds = range(HELD_OUT, HELD_OUT + n_missions)
+    for policy in policies:
+        find_policy(policy)  # refuses a bad one before anything flies
+    return {policy: fly_and_listen(scenario, policy, seeds, links, limitation, workers, advance) for policy in policies}
+
+
+def compare_scores(flights: dict) -> list[dict]:
+    """A row a policy: TWCR, and its paired difference to the first policy."""
+    twcr = {policy: np.array([score.twcr for score, _ in each]) for policy, each in flights.items()}
+    first = next(iter(twcr.values()))
+    return [
+        {
+            "policy": name, "twcr": mean_interval(each), "iqm": middle_interval(each), "difference": mean_interval(each - first),
+        }
+        for name, each in zip(table_names(twcr), twcr.values())
+    ]  # fmt: skip
+
+
+def table_names(policies) -> list[str]:
+    """What tables call policies: their labels, marked; one weights file and its copy elsewhere go by their paths."""
+    labels = [label_of(policy) for policy in policies]
+    names = [label if labels.count(label) == 1 else policy for label, policy in zip(labels, policies)]
+    return [name + " (privileged)" * find_policy(policy).is_privileged for name, policy in zip(names, policies)]
+
+
+def save_evaluation(path, settings: dict, flights: dict) -> None:
+    """The settings, every mission's TWCR and its figures of communication as JSON, null where a mission has none."""
+    twcr = {policy: [score.twcr for score, _ in each] for policy, each in flights.items()}
+    talk = {
+        policy: {name: [None if np.isnan(said[name]) else said[name] for _, said in each] for name in FIGURES}
+        for policy, each in flights.items()
+    }
+    with whole_file(path) as draft:
+        draft.write_text(json.dumps({**settings, "twcr": twcr, "communication": talk}))
