@@ -1,6 +1,7 @@
-"""Figures: one look for all of them, drawn off screen."""
+"""Figures: one look for all of them, drawn off screen. matplotlib is loaded by need, and its user's settings stay."""
 
-from matplotlib.figure import Figure
+from collections.abc import Callable
+from functools import wraps
 
 from .files import whole_file
 
@@ -8,15 +9,28 @@ DPI = 130
 STYLE = {"font.size": 9, "axes.titlesize": 10, "axes.spines.top": False, "axes.spines.right": False, "axes.axisbelow": True}
 
 
-def new_figure(width: float, height: float, columns=1, **options) -> tuple:
-    """(figure, axes) of a size in inches; several columns give an array of axes."""
-    import matplotlib
+def styled(draw: Callable) -> Callable:
+    """Decorate what draws or writes a figure: within it matplotlib has our look."""
 
-    matplotlib.rcParams.update(STYLE)
+    @wraps(draw)
+    def drawn(*args, **kwargs):
+        import matplotlib
+
+        with matplotlib.rc_context(STYLE):
+            return draw(*args, **kwargs)
+
+    return drawn
+
+
+def new_figure(width: float, height: float, columns=1, **options) -> tuple:
+    """(figure, axes) of a size in inches, for a `styled` function; several columns give an array of axes."""
+    from matplotlib.figure import Figure
+
     figure = Figure(figsize=(width, height), layout="constrained")
     return figure, figure.subplots(1, columns, **options)
 
 
+@styled
 def save_figure(figure, out) -> None:
     """Write a figure as PNG.
 

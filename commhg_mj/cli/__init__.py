@@ -1,7 +1,4 @@
-"""Missions of human operators, aerial and ground robots under limited communication.
-
-The command line: parses, calls, prints. Bad input exits with 2 and one line that names it.
-"""
+"""The command line: parses, calls, prints. Bad input exits with 2 and one line that names it."""
 
 import os
 import sys
@@ -23,11 +20,14 @@ Command = (
 )  # fmt: skip
 
 
+DESCRIPTION = "Missions of human operators, aerial and ground robots under limited communication."
+
+
 def main(arguments=None) -> int:
     """Run one command; the exit code is 2 for bad input, 130 after an interrupt, 143 after SIGTERM."""
     try:
         with interruptible():
-            tyro.cli(Command, prog="commhg-mj", description=__doc__.splitlines()[0], args=arguments)()
+            tyro.cli(Command, prog="commhg-mj", description=DESCRIPTION, args=arguments)()
             sys.stdout.flush()
     except BrokenPipeError:  # the reader of our output, such as head, has gone
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -79,6 +79,8 @@ class Cases:
 
         check_png(self.out)
         at_least("workers", self.workers, 1)
+        if not self.traces:
+            raise ValueError("traces: name at least one trace file, from run --out")
         names = {path: load_trace(path).scenario.robot_names for path in self.traces}
         with progress("flying", len(self.traces)) as advance:
             jobs = [(path, self.policy) for path in self.traces]

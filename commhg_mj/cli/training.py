@@ -9,7 +9,6 @@ from typing import Literal
 import tyro
 
 from ..base.kernels import ensure_compiled
-from ..mission.batch import check_seed
 from ..radio import find_link_model
 from ..scenarios import load_scenario
 from .console import LOG, OUT, Limitation, at_least, check_file, make_folder, progress, say
@@ -82,13 +81,13 @@ class Train:
         from ..learning.curriculum import PLAN, SMALL_TO_LARGE, smaller, write_plan
         from ..learning.ppo import Hyper
         from ..learning.registry import find_method
-        from ..learning.train import STATE, Plan, begin_with
+        from ..learning.train import STATE, Plan, begin_with, check_training_seed
 
         if (self.out / PLAN).exists() or (self.out / STATE).exists():
             raise ValueError(f"--out {self.out} holds a run already: --resume continues it")
         method, scenario = find_method(self.method)(), load_scenario(self.scenario)
         find_link_model(self.links)
-        check_seed(self.seed)
+        check_training_seed(self.seed)
         for name in ("missions", "workers"):
             at_least(name, getattr(self, name), 1)
         at_least("side-by-side", self.side_by_side, self.workers)
@@ -151,6 +150,8 @@ class Evaluate:
         check_file(self.out)
         scenario = load_scenario(self.scenario)
         find_link_model(self.links)
+        if not self.policy:
+            raise ValueError("--policy: name at least one policy")
         at_least("missions", self.missions, 2)
         at_least("workers", self.workers, 1)
         with progress("flying", self.missions * len(self.policy)) as advance:

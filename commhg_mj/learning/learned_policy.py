@@ -1,5 +1,8 @@
 """A learned method as a policy: `policy(observations) -> decisions`, as every other."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import numpy as np
 import torch
 
@@ -13,6 +16,17 @@ VARIANTS = {
     "no-query": lambda logits: logits._replace(query=None),
     "random-gates": lambda logits: logits._replace(gate=torch.zeros(len(logits.keep_idle))),
 }
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """torch computes in one thread: processes fly side by side, and the networks are small. Its user's choice comes back."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
 
 
 class LearnedPolicy:
@@ -35,4 +49,5 @@ class LearnedPolicy:
         self.seeds = np.array(batch.seeds, np.uint64)
 
     def __call__(self, observations):
-        return self.actors.decide(observations, self.public, Draws(self.seeds, observations), self.is_greedy).decisions
+        with one_thread():
+            return self.actors.decide(observations, self.public, Draws(self.seeds, observations), self.is_greedy).decisions

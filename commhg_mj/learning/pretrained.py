@@ -84,11 +84,8 @@ def _version(path):
 
 @lru_cache(maxsize=16)
 def _load_version(path, version):
-    import torch
-
     from .weights import load_weights
 
-    torch.set_num_threads(1)  # processes fly side by side, and the networks are small
     return load_weights(path)[0]
 
 

@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import time
+import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -12,6 +13,7 @@ import numpy as np
 import torch
 
 from ..base.files import whole_file
+from ..mission.batch import LARGEST_SEED
 from ..policies import POLICIES
 from ..scenarios import Scenario, from_json, to_json
 from .critic import ReturnScale
@@ -175,13 +177,16 @@ class Training:
         check_device(device)
         path = Path(folder) / STATE
         with _naming(path):
+            with zipfile.ZipFile(path) as archive:
+                if archive.testzip():  # torch does not look at the archive's checksums
+                    raise zipfile.BadZipFile
             state = dict(torch.load(path, map_location="cpu", weights_only=True))
             is_ours = state["format"] == FORMAT
             plan = plan_from_json(state["plan"]) if is_ours else None
         if not is_ours:
             raise ValueError(f"{path} is of another format: {state['format']}")
         if plan.workers != group.size:
-            raise ValueError(f"{path} is a run of {plan.workers} workers, not {group.size}: see learning.group.process_group")
+            raise ValueError(f"{path} is a run of {plan.workers} workers, not {group.size}: see learning/distributed.py")
         with _naming(path):
             return cls(plan, folder, state, group, device)
 
@@ -196,6 +201,13 @@ def _naming(path):
         raise
     except Exception as error:  # files are damaged in more ways than torch, JSON and our own rules have errors for
         raise ValueError(f"{path} is damaged or no training ({type(error).__name__})") from error
+
+
+def check_training_seed(seed: int) -> None:
+    """ValueError unless the missions of a training with this seed have seeds themselves."""
+    most = LARGEST_SEED // TRAINING_SEEDS - 2
+    if not 0 <= seed <= most:
+        raise ValueError(f"seed of a training must be a whole number in 0..{most}, is {seed}")
 
 
 def begin_with(method, path) -> float:

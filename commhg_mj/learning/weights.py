@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import torch
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 from torch import nn
@@ -25,6 +26,17 @@ def save_weights(method, path, facts: dict) -> None:
         draft.write_bytes(save(tensors, metadata))  # its own writer lets nobody else read the file
 
 
+def _facts(path, text) -> dict:
+    """What the file says of the training."""
+    try:
+        facts = json.loads(text)
+    except ValueError:
+        facts = None
+    if not isinstance(facts, dict):
+        raise ValueError(f"{path}: its facts are no JSON object")
+    return facts
+
+
 def load_weights(path) -> tuple[nn.Module, dict]:
     """(method, facts) of a file that `save_weights` wrote.
 
@@ -43,13 +55,14 @@ def load_weights(path) -> tuple[nn.Module, dict]:
     if metadata.get("schema") != SCHEMA:
         raise ValueError(f"{path} was trained with other features than this version has")
     try:
-        method = find_method(metadata.get("method"))()
+        with torch.random.fork_rng(devices=[]):  # what a network begins with is drawn, and replaced at once
+            method = find_method(metadata.get("method"))()
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
-    try:
-        facts = json.loads(metadata.get("facts", ""))
-    except ValueError:
-        raise ValueError(f"{path}: its facts are no JSON") from None
+    facts = _facts(path, metadata.get("facts", ""))
+    for name, tensor in tensors.items():
+        if not torch.isfinite(tensor).all():
+            raise ValueError(f"weights {path}: {name} holds a number that is not finite")
     try:
         method.load_state_dict(tensors)
     except RuntimeError as error:

@@ -30,6 +30,8 @@ from .state import State, ground_of, new_state, wire, write_rules
 from .tick import advance
 
 LOWEST, HIGHEST = np.iinfo(np.int32).min, np.iinfo(np.int32).max
+LARGEST_SEED = 2**63 - 1
+LONGEST_STEP = 86_400  # s: the longest mission's limit
 
 
 @kernel
@@ -156,9 +158,11 @@ class MissionBatch:
           The observations of everybody who is due; no rows for missions that are over.
 
         Raises:
-          ValueError: a decision is of the wrong shape or masked; nothing has changed then.
+          ValueError: a decision is of the wrong shape or masked, or no such seconds; nothing has changed then.
         """
-        return self.step_legal(self._check(decisions), seconds)
+        if isinstance(seconds, bool) or not isinstance(seconds, (int, np.integer)) or not 0 <= seconds <= LONGEST_STEP:
+            raise ValueError(f"seconds must be a whole number in 0..{LONGEST_STEP}, is {seconds!r}")
+        return self.step_legal(self._check(decisions), int(seconds))
 
     def step_legal(self, decisions: Decisions, seconds: int = 0) -> Observations:
         """`step` for who knows that the decisions are legal, and of the types that `Decisions` says."""
@@ -246,6 +250,6 @@ def stay(observations: Observations) -> Decisions:
 
 def check_seed(seed) -> int:
     """The seed as an int; ValueError unless it is a whole number in 0..2^63 - 1."""
-    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or not 0 <= seed < 2**63:
+    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or not 0 <= seed <= LARGEST_SEED:
         raise ValueError(f"seed must be a whole number in 0..2^63 - 1, is {seed!r}")
     return int(seed)

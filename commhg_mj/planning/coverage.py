@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..base.charts import new_figure, styled
 from ..models.world import World
 from ..radio.world_links import WorldLinks
 from .endpoints import Endpoint, antenna_at
@@ -58,10 +59,9 @@ def cover(
     return Coverage(world, source, height, delivered)
 
 
+@styled
 def coverage_figure(coverage: Coverage) -> "Figure":
     """Both models' maps and their difference, as a matplotlib figure."""
-    from ..base.charts import new_figure
-
     side = coverage.world.layout.side
     planar, rays = (coverage.delivered[model] for model in MODELS)
     figure, axes = new_figure(12.5, 4.6, 3, sharey=True)

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..base.charts import new_figure, styled
 from ..models.layout import inside_any, unit_frame
 from ..models.world import World
 from ..policies import prepare
@@ -70,10 +71,9 @@ def view_link(world: World, places, robot_xy, limitation="nominal") -> LinkView:
     return LinkView(world, tuple(places), ends, limitation, size, links, seen)
 
 
+@styled
 def section_figure(link: LinkView) -> "Figure":
     """The vertical cross-section of a link: terrain, canopies, ray, first Fresnel zone; a matplotlib figure."""
-    from ..base.charts import new_figure
-
     share = np.linspace(0, 1, SAMPLES)
     way = link.antennas[0] + share[:, None] * (link.antennas[1] - link.antennas[0])
     metres, layout = link.seen["raycast"]["metres"], link.world.layout

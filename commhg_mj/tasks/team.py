@@ -8,7 +8,7 @@ import numpy as np
 from gymnasium.error import ResetNeeded
 
 from ..base.kernels import kernel
-from ..mission.batch import MissionBatch, check_seed
+from ..mission.batch import LONGEST_STEP, MissionBatch, check_seed
 from ..mission.decide import Decisions
 from ..mission.score import score_mission
 from ..radio.link_models import radio_rules
@@ -16,8 +16,7 @@ from ..scenarios import Scenario, load_scenario
 from .choices import Choices, close_choices, open_choices, read_actions
 from .tables import fill_tables, new_tables
 
-LARGEST_SEED = 2**31
-LONGEST_PERIOD = 86400  # s: the longest mission's limit
+DRAWN_SEEDS = 2**31  # unseeded episodes have seeds below
 
 
 @kernel
@@ -48,9 +47,9 @@ class Team:
     def __init__(self, scenario, links="abstract", limitation="nominal", period=0, seeds=None, record=False):
         self.scenario: Scenario = load_scenario(scenario)
         radio_rules(self.scenario, links, limitation)
-        if isinstance(period, bool) or not isinstance(period, (int, np.integer)) or not 0 <= period <= LONGEST_PERIOD:
+        if isinstance(period, bool) or not isinstance(period, (int, np.integer)) or not 0 <= period <= LONGEST_STEP:
             raise ValueError(
-                f"period must be a whole number of seconds in 0..{LONGEST_PERIOD}, 0 for decision epochs, is {period!r}"
+                f"period must be a whole number of seconds in 0..{LONGEST_STEP}, 0 for decision epochs, is {period!r}"
             )
         seeds = read_range(seeds)
         check_seeds(seeds)
@@ -61,7 +60,7 @@ class Team:
     def draw_seed(self, rng) -> int:
         """The seed of the next unseeded episode, from a numpy Generator."""
         if self.seeds is None:
-            return int(rng.integers(LARGEST_SEED))
+            return int(rng.integers(DRAWN_SEEDS))
         return check_seed(self.seeds[int(rng.integers(len(self.seeds)))])
 
     def begin(self, seeds) -> None:

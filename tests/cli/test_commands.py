@@ -441,6 +441,11 @@ def test_a_reader_that_goes_away(tiny):
     assert process.returncode not in (0, 2)
 
 
+def test_without_docstrings():
+    done = subprocess.run([sys.executable, "-OO", "-m", "commhg_mj.cli", "scenarios", "small"], capture_output=True, text=True)
+    assert done.returncode == 0 and "map_side" in done.stdout, done.stderr
+
+
 @pytest.mark.parametrize("words, code", [("scenarios small >&-", 0), ("scenarios none.toml >&- 2>&-", 2)])
 def test_closed_output(words, code):
     done = subprocess.run(["sh", "-c", f"exec {sys.executable} -m commhg_mj.cli {words}"], capture_output=True)

@@ -61,6 +61,7 @@ def test_no_case_is_no_error(run, traces, tmp_path):
     (("cases", "tiny", "--policy", "nobody"), "unknown policy 'nobody'"),
     (("cases", "tiny", "--out", "x.mp4"), "--out x.mp4"),
     (("cases", "tiny", "--workers", 0), "--workers"),
+    (("cases",), "at least one trace file"),
 ])  # fmt: skip
 def test_refused(run, traces, tmp_path, arguments, said):
     names = {"tiny": traces / "tiny-greedy-0.npz", "tiny.toml": traces / "tiny.toml"}

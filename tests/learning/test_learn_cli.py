@@ -254,9 +254,17 @@ def test_evaluate_refuses_bad_options(refused, tmp_path):
     (tmp_path / "bad.safetensors").write_bytes(b"nonsense")
     assert "bad.safetensors" in refused("evaluate", "--policy", "bad.safetensors")
     assert "nonsense" in refused("evaluate", "--policy", "greedy", "nonsense")
+    assert "--policy" in refused("evaluate", "--policy")
     assert "--missions" in refused("evaluate", "--missions", 1)
     assert "--workers" in refused("evaluate", "--workers", 0)
     assert "nowhere" in refused("evaluate", "--scenario", "nowhere")
+
+
+def test_a_seed_whose_missions_have_none_is_refused_before_anything_is_written(tiny, refused):
+    for seed in (1796000000123456789, -1):
+        assert "seed of a training must be a whole number in 0..9223372036852, is" in refused(
+            "train", *options(tiny, "r", missions=1, seed=seed)
+        )
 
 
 def test_evaluation_and_training_share_no_mission():

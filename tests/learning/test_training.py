@@ -362,6 +362,13 @@ class Foreign:
     pass
 
 
+def flip_a_bit(path):
+    """In the middle of the weights, where torch does not look at the archive's checksum."""
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 1
+    path.write_bytes(content)
+
+
 DAMAGES = {
     "cut": lambda path: path.write_bytes(path.read_bytes()[:5000]),
     "empty": lambda path: path.write_bytes(b""),
@@ -381,6 +388,7 @@ DAMAGES = {
         path, workers=[{"collector": {"seeds": [], "next_seed": 0, "arrays": {}, "scores": []}, "rng": {}}]
     ),
     "counts": lambda path: rewrite(path, counts=[1]),
+    "a flipped bit": lambda path: flip_a_bit(path),
 }
 
 
@@ -448,6 +456,9 @@ WEIGHT_DAMAGES = {
     "another method": lambda path: reweigh(path, method="mappo"),
     "facts of no JSON": lambda path: reweigh(path, facts="{"),
     "no facts": lambda path: reweigh(path, facts=None),
+    "facts of no object": lambda path: reweigh(path, facts="[1]"),
+    "no number": lambda path: reweigh(path, lambda t: t | {"robot.itself.0.bias": t["robot.itself.0.bias"] * torch.nan}),
+    "an infinite bias": lambda path: reweigh(path, lambda t: t | {"robot.itself.0.bias": t["robot.itself.0.bias"] / 0.0}),
     "another critic's features": lambda path: reweigh(path, schema=json.dumps([*json.loads(SCHEMA)[:-1], N_GLOBAL + 1])),
     "a tensor less": lambda path: reweigh(path, lambda t: dict(list(t.items())[1:])),
     "a shape": lambda path: reweigh(path, lambda t: t | {"robot.itself.0.weight": torch.zeros(2, 2)}),
@@ -462,6 +473,14 @@ def test_damaged_or_foreign_weights_are_refused_by_name(saved, tmp_path, damage)
     with pytest.raises(ValueError, match=str(path)) as caught:
         load_weights(path)
     assert "\n" not in str(caught.value)
+
+
+def test_a_number_that_is_not_finite_is_named_by_its_tensor(saved, tmp_path):
+    path = tmp_path / WEIGHTS
+    path.write_bytes((saved / WEIGHTS).read_bytes())
+    WEIGHT_DAMAGES["an infinite bias"](path)
+    with pytest.raises(ValueError, match="robot.itself.0.bias holds a number that is not finite"):
+        load_weights(path)
 
 
 def test_weights_say_where_they_come_from(saved):

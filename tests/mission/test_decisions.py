@@ -143,6 +143,16 @@ def test_impossible_batches_are_refused_by_name(arguments, match):
         MissionBatch(**arguments)
 
 
+@pytest.mark.parametrize("seconds", [2.5, -1, float("nan"), 2**63, "3", None, True])
+def test_impossible_seconds_are_refused_and_nothing_changes(seconds):
+    batch = MissionBatch("small", [1])
+    with pytest.raises(ValueError, match="seconds must be a whole number in 0..86400, is"):
+        batch.step(stay(batch.observations), seconds)
+    assert batch.time[0] == 0
+    batch.step(stay(batch.observations), np.int64(3))
+    assert batch.time[0] == 3
+
+
 def test_everybody_is_due_at_the_start_and_then_at_least_once_a_period():
     batch = MissionBatch("small", [1, 2])
     assert batch.observations.robots["robot"].tolist() == [0, 1, 2, 3] * 2

@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from ...base.charts import new_figure
+from ...base.charts import new_figure, styled
 from ...planning.link_pairs import CLASSES
 from .message_counts import LONGEST, ROUTES
 from .plan import MODELS, SHUFFLED
@@ -14,6 +14,7 @@ COLOURS = {"abstract": "#7f7f7f", "abstract-fit": "#e69f00", "raycast": "#0072b2
 CLASS_COLOURS = ("#0072b2", "#009e73", "#d55e00", "#7f7f7f")
 
 
+@styled
 def delivery_figure(links) -> Figure:
     """How likely links deliver under both models, one panel a class."""
     figure, axes = new_figure(11.0, 3.0, len(CLASSES), sharey=True)
@@ -29,6 +30,7 @@ def delivery_figure(links) -> Figure:
     return figure
 
 
+@styled
 def reliability_figure(links) -> Figure:
     """Reliability diagram of the abstract delivery probability against ray-cast fates."""
     heard = np.random.default_rng(0).random(len(links)) < links["ray_delivered"]
@@ -46,6 +48,7 @@ def reliability_figure(links) -> Figure:
     return figure
 
 
+@styled
 def blockage_figure(found) -> Figure:
     """How long obstructed links stay so: share of episodes that last longer."""
     figure, axes = new_figure(11.0, 2.8, len(CLASSES), sharey=True)
@@ -66,6 +69,7 @@ def _legend(ax, **where):
         ax.legend(frameon=False, fontsize=7, **where)
 
 
+@styled
 def latency_figure(results) -> Figure:
     """Share of messages delivered within a time since they were queued, by route and model."""
     figure, axes = new_figure(10.0, 2.8, len(ROUTES), sharey=True)
@@ -80,6 +84,7 @@ def latency_figure(results) -> Figure:
     return figure
 
 
+@styled
 def age_figure(results) -> Figure:
     """Age of information over missions: of peers' reports at robots, of robots' reports at the station."""
     figure, axes = new_figure(10.0, 2.8, 3)
@@ -102,6 +107,7 @@ def _draw_components(ax, results):
     ax.set(title="connected components of the robots", xlabel="minutes", ylabel="mean over missions", ylim=(0, None))
 
 
+@styled
 def mission_figure(results) -> Figure:
     """TWCR of the same missions under both models, and paired differences to the abstract one."""
     figure, axes = new_figure(9.0, 3.4, 2)
@@ -119,6 +125,7 @@ def mission_figure(results) -> Figure:
     return figure
 
 
+@styled
 def sweep_figure(rows) -> Figure:
     """Paired differences of TWCR along the sweeps."""
     quantities = list(dict.fromkeys(row["quantity"] for row in rows))
