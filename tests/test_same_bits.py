@@ -6,6 +6,7 @@ Golden hashes are computed anew in processes whose libraries believe in another 
 
 import json
 import os
+import platform
 import subprocess
 import sys
 from pathlib import Path
@@ -21,27 +22,32 @@ OLD_SYSTEM = {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX512F,-AVX2,-FMA,-FMA4,-AVX
 OLD_OPENCV = {"OPENCV_CPU_DISABLE": "AVX512-SKX,AVX2,FMA3,AVX,SSE4.2,SSE4.1"}
 PROCESSORS = {
     "this one": {},
-    "old": {"OPENBLAS_CORETYPE": "Nehalem", **OLD_NUMPY, **OLD_SYSTEM, **OLD_OPENCV},
-    "with AVX2": {"OPENBLAS_CORETYPE": "Haswell", "NPY_DISABLE_CPU_FEATURES": ",".join(HERE & {"X86_V4", "AVX512_ICL"})},
-    "with AVX-512": {"OPENBLAS_CORETYPE": "SkylakeX"},
+    "an old one": {"OPENBLAS_CORETYPE": "Nehalem", **OLD_NUMPY, **OLD_SYSTEM, **OLD_OPENCV},
+    "one with AVX2": {"OPENBLAS_CORETYPE": "Haswell", "NPY_DISABLE_CPU_FEATURES": ",".join(HERE & {"X86_V4", "AVX512_ICL"})},
+    "one with AVX-512": {"OPENBLAS_CORETYPE": "SkylakeX"},
 }
-NEEDS = {"with AVX2": "AVX2", "with AVX-512": "AVX512_SKX"}
+NEEDS = {"one with AVX2": "AVX2", "one with AVX-512": "AVX512_SKX"}
+
+
+# Elsewhere MuJoCo's library is compiled otherwise, and a ray's last bits with it.
+EXPECTED = {name: value for name, value in GOLDEN.items() if platform.machine() == "x86_64" or not name.startswith("links")}
 
 
 def fingerprints(variables):
     settings = {name: value for name, value in variables.items() if value}
     run = subprocess.run([sys.executable, FINGERPRINTS], env=os.environ | settings, capture_output=True, text=True)
     assert run.returncode == 0, run.stderr
-    return json.loads(run.stdout)
+    found = json.loads(run.stdout)
+    return {name: value for name, value in found.items() if name in EXPECTED}
 
 
 @pytest.mark.parametrize("name", PROCESSORS)
 def test_the_same_bits_on_another_processor(name):
     if name in NEEDS and NEEDS[name] not in HERE:
         pytest.skip(f"this processor has no {NEEDS[name]}: such kernels would end it")
-    assert fingerprints(PROCESSORS[name]) == GOLDEN
+    assert fingerprints(PROCESSORS[name]) == EXPECTED
 
 
 @pytest.mark.slow  # every kernel is compiled once more
 def test_the_same_bits_from_kernels_for_any_processor():
-    assert fingerprints(PROCESSORS["old"] | {"NUMBA_CPU_NAME": "generic"}) == GOLDEN
+    assert fingerprints(PROCESSORS["an old one"] | {"NUMBA_CPU_NAME": "generic"}) == EXPECTED
