@@ -41,7 +41,7 @@ def fingerprints(variables):
     return {name: value for name, value in found.items() if name in EXPECTED}
 
 
-@pytest.mark.parametrize("name", PROCESSORS)
+@pytest.mark.parametrize("name", [pytest.param(name, marks=pytest.mark.slow if "AVX2" in name else ()) for name in PROCESSORS])
 def test_the_same_bits_on_another_processor(name):
     if name in NEEDS and NEEDS[name] not in HERE:
         pytest.skip(f"this processor has no {NEEDS[name]}: such kernels would end it")

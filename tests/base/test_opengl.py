@@ -128,7 +128,11 @@ def test_screens_and_choices_of_the_users_stay(chosen, screen, monkeypatch):
     assert os.environ.get("MUJOCO_GL") == chosen
 
 
-@pytest.mark.parametrize("scripts", [[OURS], [IMPORT, THEIRS, OURS], [OURS, THEIRS]], ids=["alone", "after", "before"])
+@pytest.mark.parametrize(
+    "scripts",
+    [[OURS], pytest.param([IMPORT, THEIRS, OURS], marks=pytest.mark.slow), pytest.param([OURS, THEIRS], marks=pytest.mark.slow)],
+    ids=["alone", "after", "before"],
+)
 def test_forgotten_films_end_in_silence(scripts):
     """Beside those that dm_control closes itself, too."""
     done = run(*scripts)
@@ -136,6 +140,7 @@ def test_forgotten_films_end_in_silence(scripts):
 
 
 @pytest.mark.skipif(not find_library("OSMesa"), reason="libosmesa6 is not installed")
+@pytest.mark.slow
 def test_forgotten_films_of_osmesa_end_in_silence():
     done = run(OURS, MUJOCO_GL="osmesa")
     assert "Exception" not in done.stderr

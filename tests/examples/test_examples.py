@@ -19,6 +19,7 @@ def run(*arguments) -> str:
     return done.stdout
 
 
+@pytest.mark.slow
 def test_maskable_ppo_of_sb3_contrib(tmp_path):
     pytest.importorskip("sb3_contrib")
     said = run("examples/maskable_ppo.py", "--tiny", "--out", tmp_path / "model.zip")
@@ -44,6 +45,7 @@ def test_the_viewers_loop_without_a_window(tmp_path):
     assert picture.shape == (180, 320, 3) and picture.std() > 10
 
 
+@pytest.mark.slow
 def test_mappo_of_torchrl(tmp_path):
     pytest.importorskip("torchrl")
     (tmp_path / "brief.toml").write_text('base = "small"\nname = "brief"\ntime_limit = 20\n')

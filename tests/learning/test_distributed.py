@@ -41,6 +41,7 @@ def be_done(group):
     group.gather("last words" * 10**6)
 
 
+@pytest.mark.slow
 def test_last_words_are_heard_however_late_the_first_one_listens():
     with process_group(SIZE, be_done) as group:
         time.sleep(2)

@@ -140,7 +140,7 @@ class Auditor:
         assert np.array_equal(new.tasks[over], old.tasks[over]) and np.array_equal(new.robots[over], old.robots[over])
 
 
-@settings(max_examples=30)
+@settings(max_examples=18)
 @given(scenarios(), seeds, link_models, limitations, st.sampled_from([0.02, 0.2, 0.9]))
 def test_rules_hold_at_every_step_of_any_mission(scenario, seed, links, limitation, restless):
     batch = WatchedBatch(scenario, [seed, seed // 2], links, limitation, watch=Auditor())
