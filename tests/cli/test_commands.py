@@ -216,6 +216,7 @@ def test_bench_prints_rates(run, tiny_scales, monkeypatch):
         assert word in out
 
 
+@pytest.mark.slow
 def test_bench_times_training(run, tiny_scales, monkeypatch):
     monkeypatch.setattr(ppo.Hyper, "of", lambda n_robots, is_refining: ppo.Hyper(decisions=60, minibatches=1, epochs=1))
     code, out, _ = run("bench", "--scenario", "small", "--train")
@@ -441,6 +442,7 @@ def test_a_reader_that_goes_away(tiny):
     assert process.returncode not in (0, 2)
 
 
+@pytest.mark.slow  # all is compiled to bytecode once more
 def test_without_docstrings():
     done = subprocess.run([sys.executable, "-OO", "-m", "commhg_mj.cli", "scenarios", "small"], capture_output=True, text=True)
     assert done.returncode == 0 and "map_side" in done.stdout, done.stderr

@@ -38,6 +38,7 @@ def test_a_policy_by_hand_beats_doing_nothing_and_is_filmed(tmp_path):
     assert film.read()[1].shape == (360, 640, 3)
 
 
+@pytest.mark.slow
 def test_the_viewers_loop_without_a_window(tmp_path):
     said = run("examples/viewer_headless.py", "--frames", 330, "--width", 320, "--height", 180, "--out", tmp_path / "viewer.png")
     assert re.match(r"1 episodes ended, \d+ s into the next; .*viewer\.png: 320x180\n", said)

@@ -50,7 +50,7 @@ def test_gymnasium_makes_it(scenario):
         env.close()
 
 
-@every_scenario
+@pytest.mark.parametrize("scenario", ["small", *(pytest.param(name, marks=pytest.mark.slow) for name in ("medium", "large"))])
 def test_gymnasiums_checker_of_an_environment_that_renders(scenario):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
