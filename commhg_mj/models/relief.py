@@ -41,19 +41,19 @@ class Piece:
     @property
     def semi_axes(self) -> tuple[float, float]:
         """The longer and the shorter one: roots of S's eigenvalues."""
-        middle, away, _ = self._halves()
+        middle, away, _ = self._moments()
         return np.sqrt(middle + away), np.sqrt(middle - away)
 
     @property
     def axis(self) -> tuple[float, float]:
         """A vector along the longer axis: S's eigenvector, of any length."""
-        _, away, along = self._halves()
+        _, away, along = self._moments()
         if away == 0.0:
             return 1.0, 0.0
         xy = self.shape[1]
         return (along + away, xy) if along >= 0 else (xy, away - along)
 
-    def _halves(self):
+    def _moments(self):
         """(half the sum of S's eigenvalues, half their difference, half the difference of its diagonal)."""
         xx, xy, yy = self.shape
         along = (xx - yy) / 2
