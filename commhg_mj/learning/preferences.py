@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from ..mission.observe import Observations
-from .learned_policy import LearnedPolicy
+from .learned_policy import LearnedPolicy, one_thread
 
 
 class Preferences(NamedTuple):
@@ -24,6 +24,7 @@ class Preferences(NamedTuple):
     assist: float | None  # to request assistance if nobody is asked
 
 
+@one_thread()
 @torch.no_grad()
 def robot_preferences(policy: LearnedPolicy, seen: Observations) -> Preferences:
     """Preferences of the one robot whose row `seen` holds, of the policy's first mission."""
