@@ -23,6 +23,7 @@ from ..scenarios import SCENARIOS, Scenario
 LINKS = ("abstract", "raycast")
 OBSTACLES, FEWEST = (1, 4, 16), (4, 2)  # times so many forests and mountains, on the same share of the map
 SCALING = ((4, 64), (8, 128), (16, 256), (32, 512), (64, 1024))  # robots, tasks
+MOST_OBSTACLES = {"n_forests": 64, "n_mountains": 32}
 
 
 class Speed(NamedTuple):
@@ -136,11 +137,24 @@ def scaling_rates(n_missions=4, time_limit=300) -> list[Speed]:
     return speeds
 
 
-def _team(robots, tasks, time_limit) -> Scenario:
+def largest_costs(time_limit=300) -> list[Speed]:
+    """Milliseconds of CPU for one second of one mission of the largest team: what the longest mission may take."""
+    (robots, tasks), costs = SCALING[-1], []
+    for words, obstacles in (("", {}), (", most obstacles", MOST_OBSTACLES)):
+        scenario = _team(robots, tasks, time_limit, **obstacles)
+        for policy, links in (("greedy", "perfect"), ("greedy", "abstract"), ("greedy", "raycast"), ("random", "raycast")):
+            batch, act = prepare(policy, scenario, [0], links)
+            flight = min((_fly_once(batch, act) for _ in range(2)), key=lambda flight: flight.seconds)
+            what = f"{robots} robots x {tasks} tasks{words}: {policy}, {links} links"
+            costs.append(Speed(what, 1e3 / flight.rate, "CPU-ms/s"))
+    return costs
+
+
+def _team(robots, tasks, time_limit, **obstacles) -> Scenario:
     base = SCENARIOS["large"]
     return dataclasses.replace(
         base, n_uav=robots // 2, n_ugv=robots - robots // 2, n_operators=max(1, robots * 3 // 8), n_tasks=tasks,
-        time_limit=time_limit, world=dataclasses.replace(base.world, poi_spacing=0.01),
+        time_limit=time_limit, world=dataclasses.replace(base.world, poi_spacing=0.01, **obstacles),
     )  # fmt: skip
 
 
@@ -166,5 +180,6 @@ def all_speeds(scenarios, with_start: bool) -> Iterator[Speed]:
         yield world_rate(SCENARIOS[name])
     yield from link_costs()
     yield from scaling_rates()
+    yield from largest_costs()
     if with_start:
         yield from start_times()

@@ -22,8 +22,8 @@ LOG = Console(stderr=True)
 
 
 @contextlib.contextmanager
-def progress(what, total) -> Iterator[Callable[[int], None]]:
-    """A progress bar on standard error; yields how to advance it."""
+def progress(what, total) -> Iterator[Callable[[float], None]]:
+    """A progress bar on standard error; yields how to advance it, by parts, too."""
     columns = TextColumn(what), BarColumn(), MofNCompleteColumn() if total > 1 else TextColumn("{task.percentage:.0f} %")
     with Progress(*columns, TimeRemainingColumn(), console=LOG, transient=True, disable=not LOG.is_terminal) as progress:
         task = progress.add_task(what, total=total)

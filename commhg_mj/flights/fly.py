@@ -2,6 +2,8 @@
 
 from collections.abc import Callable
 from concurrent.futures import as_completed
+from functools import partial
+from itertools import chain
 from pathlib import Path
 
 from ..base.files import target_of
@@ -42,14 +44,14 @@ def check_traces(folder, scenario: Scenario, policy: str, links: str, limitation
 
 def fly(
     scenario: Scenario, policy: str, seeds, links="abstract", limitation="nominal", out=None, workers=1,
-    advance: Callable[[int], None] = lambda missions: None,
+    advance: Callable[[float], None] = lambda missions: None,
 ) -> list[Score]:  # fmt: skip
     """Fly one mission a seed.
 
     Args:
       out: folder that gets a trace a mission, or None; another mission's trace there is refused before anything flies.
       workers: processes; 1 flies in this one.
-      advance: told how many missions have just ended, now and then.
+      advance: told how much has just been flown, now and then: parts of missions in this process, whole ones in several.
 
     Returns:
       One score a seed, in the order of the seeds.
@@ -61,18 +63,30 @@ def fly(
     if out is not None:
         check_traces(out, scenario, policy, links, limitation, seeds)
     jobs = [(scenario, policy, chunk, links, limitation, out) for chunk in chunks_of(seeds)]
-    results = spread(_fly_chunk, jobs, workers, lambda scores: advance(len(scores)))
-    return [score for chunk in results for score in chunk]
+    return _spread_missions(_fly_chunk, jobs, workers, advance)
 
 
 def fly_recorded(
     look: Callable, scenario: Scenario, policy: str, seeds, links="abstract", limitation="nominal", workers=1,
-    advance: Callable[[int], None] = lambda missions: None,
+    advance: Callable[[float], None] = lambda missions: None,
 ) -> list:  # fmt: skip
     """`look(trace)` of one recorded mission a seed, in the order of the seeds; traces are not kept."""
     jobs = [(look, scenario, policy, chunk, links, limitation) for chunk in chunks_of(seeds)]
-    results = spread(_look_chunk, jobs, workers, lambda looks: advance(len(looks)))
-    return [result for chunk in results for result in chunk]
+    return _spread_missions(_look_chunk, jobs, workers, advance)
+
+
+def _spread_missions(work, jobs, workers, advance) -> list:
+    """What `work` answers, mission by mission; a long mission in this process says how far it is."""
+    if is_alone(jobs, workers):
+        chunks = spread(partial(work, advance=advance), jobs)
+    else:
+        chunks = spread(work, jobs, workers, lambda answers: advance(len(answers)))
+    return list(chain.from_iterable(chunks))
+
+
+def is_alone(jobs: list[tuple], workers: int) -> bool:
+    """Whether this process does all the work."""
+    return workers == 1 or len(jobs) <= 1
 
 
 def chunks_of(seeds) -> list[list[int]]:
@@ -86,7 +100,7 @@ def spread(work: Callable, jobs: list[tuple], workers=1, done: Callable = lambda
 
     `done` is told each result as soon as it is there.
     """
-    if workers == 1 or len(jobs) <= 1:
+    if is_alone(jobs, workers):
         results = []
         for job in jobs:
             results.append(work(*job))
@@ -100,22 +114,31 @@ def spread(work: Callable, jobs: list[tuple], workers=1, done: Callable = lambda
     return [future.result() for future in futures]
 
 
-def fly_to_end(policy, scenario, seeds, links="abstract", limitation="nominal", record=False) -> MissionBatch:
-    """The batch of these missions when all are over."""
+def fly_to_end(
+    policy, scenario, seeds, links="abstract", limitation="nominal", record=False,
+    advance: Callable[[float], None] = lambda missions: None,
+) -> MissionBatch:  # fmt: skip
+    """The batch of these missions when all are over; `advance` is told each hundredth of them that is flown."""
     batch, act = prepare(policy, scenario, seeds, links, limitation, record)
-    observations = batch.observations
+    observations, told, all_of_them = batch.observations, 0.0, len(batch.seeds)
     while not batch.over.all():
         observations = batch.step(act(observations))
+        flown = batch.state.missions["now"].sum() / batch.scenario.time_limit
+        if flown - told >= 0.01 * all_of_them:
+            advance(flown - told)
+            told = flown
+    advance(all_of_them - told)
     return batch
 
 
-def _fly_chunk(scenario, policy, seeds, links, limitation, out) -> list[Score]:
-    batch = fly_to_end(policy, scenario, seeds, links, limitation, record=out is not None)
+def _fly_chunk(scenario, policy, seeds, links, limitation, out, advance=lambda missions: None) -> list[Score]:
+    batch = fly_to_end(policy, scenario, seeds, links, limitation, out is not None, advance)
     if out is not None:
         for trace in make_traces(batch, label_of(policy)):
             save_trace(trace, trace_path(out, scenario, policy, links, limitation, trace.seed))
     return batch.scores()
 
 
-def _look_chunk(look, scenario, policy, seeds, links, limitation) -> list:
-    return [look(trace) for trace in make_traces(fly_to_end(policy, scenario, seeds, links, limitation, True), label_of(policy))]
+def _look_chunk(look, scenario, policy, seeds, links, limitation, advance=lambda missions: None) -> list:
+    batch = fly_to_end(policy, scenario, seeds, links, limitation, True, advance)
+    return [look(trace) for trace in make_traces(batch, label_of(policy))]

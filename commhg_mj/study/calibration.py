@@ -36,7 +36,7 @@ class Calibration(NamedTuple):
     rules: list[Rule]
 
 
-def calibrate(name: str, n_missions=200, workers=1, advance: Callable[[int], None] = lambda missions: None) -> Calibration:
+def calibrate(name: str, n_missions=200, workers=1, advance: Callable[[float], None] = lambda missions: None) -> Calibration:
     """Fly the references of one scenario and hold its defaults against the rules; differences are paired."""
     scenario, seeds = SCENARIOS[name], range(CALIBRATION, CALIBRATION + n_missions)
     alone = dataclasses.replace(scenario, n_operators=0)

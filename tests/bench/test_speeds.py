@@ -93,6 +93,13 @@ def test_scaling_counts_pairs(second_a_call, monkeypatch):
     assert [speed.rate * 1e6 for speed in speeds] == pytest.approx([2 * 20 * 6, 2 * 20 * 35])
 
 
+def test_the_largest_missions_are_timed_a_second_of_theirs(second_a_call, monkeypatch):
+    monkeypatch.setattr(bench, "SCALING", ((2, 3),))
+    costs = bench.largest_costs(time_limit=20)
+    assert [speed.rate for speed in costs] == [pytest.approx(1e3 / 20)] * 8 and {speed.unit for speed in costs} == {"CPU-ms/s"}
+    assert costs[0].what == "2 robots x 3 tasks: greedy, perfect links" and "most obstacles: random, raycast" in costs[-1].what
+
+
 def test_teams_of_the_scaling_are_possible():
     for robots, tasks in bench.SCALING:
         scenario = bench._team(robots, tasks, 300)
@@ -110,8 +117,8 @@ def test_everything_that_bench_prints(monkeypatch):
     speeds = list(bench.all_speeds(["small", "large"], with_start=False))
     for_each = ["abstract links", "ray-cast links", "ray-cast over abstract", "one mission alone", "worlds"]
     said = [re.split(r", |: ", speed.what)[-1] for speed in speeds]
-    assert said[:10] == 2 * for_each and len(speeds) == 10 + len(bench.OBSTACLES) + 1
-    assert [speed.what.startswith("one link, ") for speed in speeds[10:]] == [True, True, True, False]
+    assert said[:10] == 2 * for_each and len(speeds) == 10 + len(bench.OBSTACLES) + 1 + 8
+    assert [speed.what.startswith("one link, ") for speed in speeds[10:]] == 3 * [True] + 9 * [False]
     assert all(np.isfinite(speed.rate) and speed.rate > 0 for speed in speeds)
 
 

@@ -28,6 +28,15 @@ def test_processes_and_chunks_change_no_score(monkeypatch):
     assert study.fly(SHORT, "greedy", [7, 3]) == [alone[7], alone[3]]
 
 
+def test_one_long_mission_says_how_far_it_is():
+    told = []
+    study.fly(SHORT, "greedy", [3], advance=told.append)
+    assert len(told) > 3 and max(told) < 0.5 and sum(told) == pytest.approx(1)
+    told.clear()
+    study.fly_recorded(lambda trace: trace.seed, SHORT, "random", [3, 4], advance=told.append)
+    assert len(told) > 3 and sum(told) == pytest.approx(2)
+
+
 def test_every_mission_leaves_its_trace(tmp_path):
     scores = study.fly(SHORT, "random", [4, 9], limitation="high", out=tmp_path)
     for seed, score in zip([4, 9], scores):
