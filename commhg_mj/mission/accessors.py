@@ -87,6 +87,7 @@ belief_of = _accessor(s.BELIEF, "beliefs_at", "n_tasks")  # (m, receiver, task);
 peer_of = _accessor(s.PEER, "peers_at", "n_robots")  # (m, receiver, robot)
 inbox_of = _accessor(s.INBOX, "inboxes_at")  # (m, receiver)
 resource_of = _accessor(s.RESOURCE, "resources_at", "n_operators")  # (m, robot, operator)
+command_of = _accessor(s.COMMAND, "commands_at", "n_operators")  # (m, robot, operator)
 tip_of = _accessor(s.TIP, "tips_at", "n_tasks")  # (m, robot, task)
 uplink_of = _accessor(s.WAITING, "uplinks_at", "n_uplink_places")  # (m, robot, place)
 downlink_of = _accessor(s.WAITING, "downlinks_at", "n_downlink_places")  # (m, operator, place)

@@ -35,12 +35,13 @@ LONGEST_STEP = 86_400  # s: the longest mission's limit
 
 
 @kernel
-def advance_and_observe(missions, seconds, seen, masks):
+def advance_and_observe(missions, seconds, discount, seen, masks):
     """Advance every mission until somebody in it is due or by its `seconds` [E], and observe for all who are due.
 
     Mission by mission, so that its arrays are still in the processor's cache when they are observed.
 
     Args:
+      discount: a second, of the step's reward.
       seen, masks: room for every actor of every mission; the first rows are filled.
 
     Returns:
@@ -49,6 +50,7 @@ def advance_and_observe(missions, seconds, seen, masks):
     i, k = 0, 0
     for e in range(missions.shape[0]):
         m = missions[e]
+        m.discount, m.fade, m.step_reward[0], m.step_reward[1] = discount, 1.0, 0.0, 0.0
         advance(m, seconds[e])
         if m.over:
             continue
@@ -83,6 +85,10 @@ class MissionBatch:
       limitation: "nominal", "low" or "high".
       record: keep what a trace needs (`commhg_mj.mission.trace`).
 
+    Attributes:
+      discount: a second, of `rewards` within a step; 1 by default.
+      rewards: [E, 2] of the last step, mission and coordination part (paper, eq. 4).
+
     Raises:
       ValueError: an argument is impossible; the message names it.
     """
@@ -92,7 +98,7 @@ class MissionBatch:
         self.seeds = [check_seed(seed) for seed in seeds]
         if not self.seeds:
             raise ValueError("seeds: at least one mission is needed")
-        self.links, self.limitation, self.record = links, limitation, record
+        self.links, self.limitation, self.record, self.discount = links, limitation, record, 1.0
         radio_rules(self.scenario, links, limitation)  # refuses both by name before any world is made
         ensure_compiled()
         self.worlds: list[World] = [make_world(self.scenario, seed) for seed in self.seeds]
@@ -128,7 +134,6 @@ class MissionBatch:
         for e, world in enumerate(self.worlds):
             draw_mission(self.state, e, world)
         initialize(self.state)
-        self.rewards = np.zeros((n, 2))
         self._is_new = np.ones(n, bool)
         return self._advance(0)
 
@@ -166,16 +171,15 @@ class MissionBatch:
 
     def step_legal(self, decisions: Decisions, seconds: int = 0) -> Observations:
         """`step` for who knows that the decisions are legal, and of the types that `Decisions` says."""
-        before = self.state.missions["reward"].copy()
         apply_decisions(self.state.missions, self._masks, decisions)
-        observations = self._advance(seconds)
-        self.rewards = self.state.missions["reward"] - before
-        return observations
+        return self._advance(seconds)
 
     def _advance(self, seconds) -> Observations:
         """Advance and observe; a new mission stands at t = 0, where everybody is due."""
         seen, masks = new_observations(len(self.seeds), self.scenario), new_masks(len(self.seeds), self.scenario)
-        n, k = advance_and_observe(self.state.missions, np.where(self._is_new, 0, seconds), seen, masks)
+        lasts = np.where(self._is_new, 0, seconds)
+        n, k = advance_and_observe(self.state.missions, lasts, self.discount, seen, masks)
+        self.rewards = self.state.missions["step_reward"].copy()
         self._is_new[:] = False
         self.observations = Observations(*(table[:rows] for table, rows in zip(seen, (n, n, n, n, k, k))))
         self._masks = Masks(*(table[:rows] for table, rows in zip(masks, (n, n, n, k, k))))

@@ -7,9 +7,10 @@ import numpy as np
 from ..base.kernels import kernel
 from ..base.terms import IDLE, KEEP, NOBODY, REST, Kind, Session
 from .accessors import belief_of, operator_of, robot_of, task_of, uplink_of
-from .control import bid, renew, withdraw
+from .control import bid, leave, renew
 from .observe import OPERATOR_SEES, ROBOT_SEES
 from .recorder import log_operator_decision, log_robot_decision
+from .records import is_compatible
 from .service import drop_task, take_task
 from .transport import broadcast, displace, enqueue
 
@@ -148,10 +149,17 @@ def apply_decisions(missions, masks, decisions):
 
 @kernel
 def claim(m, r, choice):
-    """Take the chosen task unless somebody owns it; the later claim loses and decides again at once."""
-    if choice < 0 or choice == robot_of(m, r).task:
+    """The resolver: take the chosen task unless somebody owns it; the later claim loses and decides again at once.
+
+    The one place where a decision meets a truth that nobody has delivered: who owns the task.
+    """
+    robot, task = robot_of(m, r), task_of(m, choice)
+    if choice < 0 or choice == robot.task:
         return
-    if task_of(m, choice).owner == NOBODY:
+    if task.owner == NOBODY:
+        if not is_compatible(robot.embodiment, task.type):
+            m.incompatibles += 1
+            m.tick_reward[1] -= m.rules.incompatible_cost
         take_task(m, r, choice)
     else:
         belief_of(m, r, choice).refused_until = m.now + m.rules.refusal
@@ -183,7 +191,7 @@ def supervise(m, h, choice):
         renew(m, h, now)
     elif choice == REST:
         if operator.session != RESTING:
-            withdraw(m, h, now)
+            leave(m, h, now)
     elif choice != operator.robot:
         bid(m, h, choice, now)
     operator.due = 0

@@ -3,7 +3,7 @@
 from ..base.elementary_functions import distance
 from ..base.kernels import kernel
 from ..base.terms import NOBODY, Activity
-from .accessors import belief_of, copy_record, downlink_of, operator_of, peer_of, robot_of, task_of, tip_of
+from .accessors import belief_of, command_of, copy_record, downlink_of, operator_of, peer_of, robot_of, task_of, tip_of
 from .records import DONE, OPEN
 from .state import NEVER
 
@@ -50,6 +50,10 @@ def write_peer(m, record, r, time):
     # On its way a robot knows nothing of its task's progress.
     record.progress = task_of(m, robot.task).progress if robot.activity == SERVICING else 0.0
     record.request_time = NEVER
+    record.command_from, record.command_sent = NOBODY, NEVER
+    for h in range(m.n_operators):
+        if command_of(m, r, h).sent > record.command_sent:
+            record.command_from, record.command_sent = h, command_of(m, r, h).sent
 
 
 @kernel
@@ -81,6 +85,15 @@ def freshest(m, r, only_sensed, limit, message):
 
 
 @kernel
+def count_waiting(m, h):
+    """How many messages wait for operator h's tokens."""
+    waiting = 0
+    for place in range(m.n_downlink_places):
+        waiting += downlink_of(m, h, place).since >= 0.0
+    return waiting
+
+
+@kernel
 def write_reply(m, message, h, tip, now):
     """Operator h's resources, and the station's record of task `tip`, if any."""
     operator, report = operator_of(m, h), message.resource
@@ -89,10 +102,7 @@ def write_reply(m, message, h, tip, now):
     report.robot = operator.robot
     report.session = operator.session
     report.fatigue_class = 0 if operator.fatigue < TIRING else (1 if operator.fatigue < TIRED else 2)
-    waiting = 0
-    for place in range(m.n_downlink_places):
-        waiting += downlink_of(m, h, place).since >= 0.0
-    report.queue = waiting
+    report.queue = count_waiting(m, h)
     if tip != NOBODY:
         message.records = 1
         message.task[0] = tip

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..base.elementary_functions import distance
 from ..base.kernels import kernel
-from ..base.terms import NOBODY, Embodiment, Kind, Mode, Session
+from ..base.terms import NOBODY, Activity, Embodiment, Kind, Mode, Session
 from ..models.routes import measure_goals
 from .accessors import (
     belief_of,
@@ -23,12 +23,13 @@ from .accessors import (
     task_of,
     uplink_of,
 )
+from .messages import count_waiting
 from .records import DONE, OPEN, believed_type, is_compatible, is_ruled_out
 from .state import record
 
 UNKNOWN = -1.0
 UGV, CONTROLLED = int(Embodiment.UGV), int(Mode.CONTROLLED)
-RESTING, HELD = int(Session.REST), int(Session.HELD)
+RESTING, HELD, FAILED = int(Session.REST), int(Session.HELD), int(Activity.FAILED)
 REQUEST = int(Kind.REQUEST)
 
 ROBOT_SEES = record(  # itself; times in s, bytes in B
@@ -48,11 +49,12 @@ OPERATOR_SEEN = record(  # by a robot: an operator's resource report
 )  # fmt: skip
 OPERATOR_SEES = record(  # itself
     mission="i4", operator="i4", time="f4", proficiency=("f4", (2,)), capacity="f4", fatigue="f4", session="i1", robot="i4",
-    lease_left="f4", since_bid="f4", tokens="f4", exempt="i1", can_keep="i1",
+    lease_left="f4", since_bid="f4", tokens="f4", queue="i4", exempt="i1", can_keep="i1",
 )  # fmt: skip
-REPORT_SEEN = record(  # by an operator: a robot's report, and the public attributes of the task that it names
+REPORT_SEEN = record(  # by an operator: a robot's report, and what is public and the station believes of the task it names
     legal="i1", embodiment="i1", activity="i1", mode="i1", controller="i1", age="f4", x="f4", y="f4", task="i4", progress="f4",
     request_age="f4", difficulty="f4", value="f4", deadline="f4", decay="f4", distance="f4",
+    task_type="i1", task_status="i1", compatible="i1", task_progress="f4", task_age="f4",
 )  # fmt: skip
 
 
@@ -201,19 +203,34 @@ def observe_operator(m, h, seen, rows):
     seen.capacity, seen.fatigue, seen.tokens = operator.capacity, operator.fatigue, operator.tokens
     seen.session, seen.robot, seen.exempt = operator.session, operator.robot, operator.exempt
     # Whether its last renewal arrived, the operator cannot know.
-    seen.lease_left = operator.renewed_at + m.rules.lease - now if operator.session == HELD else 0.0
+    seen.lease_left = operator.lease_sent + m.rules.lease - now if operator.session == HELD else 0.0
     seen.since_bid = age(now, operator.bid_at) if operator.session != RESTING else UNKNOWN
+    seen.queue = count_waiting(m, h)
     seen.can_keep = operator.session != RESTING
     for r in range(m.n_robots):
         report, row = peer_of(m, station, r), rows[r]
-        row.legal = r != operator.robot
+        row.legal = r != operator.robot and report.time >= 0.0 and report.activity != FAILED
         row.embodiment = robot_of(m, r).embodiment
         row.age = age(now, report.time)
         row.activity, row.mode, row.controller = report.activity, report.mode, report.controller
         row.x, row.y, row.task, row.progress = report.x, report.y, report.task, report.progress
         row.request_age = age(now, report.request_time)
-        row.difficulty, row.value, row.deadline, row.decay, row.distance = 0.0, 0.0, 0.0, 0.0, 0.0
-        if report.task != NOBODY:
-            task = task_of(m, report.task)
-            row.difficulty, row.value, row.deadline, row.decay = task.difficulty, task.value, task.deadline, task.decay
-            row.distance = distance(task.x - report.x, task.y - report.y)
+        observe_reported_task(m, report, row)
+
+
+@kernel
+def observe_reported_task(m, report, row):
+    """What is public of the task that a report names, and what the station believes of it."""
+    row.difficulty, row.value, row.deadline, row.decay, row.distance = 0.0, 0.0, 0.0, 0.0, 0.0
+    row.task_type, row.task_status, row.compatible, row.task_progress, row.task_age = 0, 0, 0, 0.0, UNKNOWN
+    if report.task == NOBODY:
+        return
+    station, j = m.n_robots, int(report.task)
+    task, belief = task_of(m, j), belief_of(m, station, j)
+    row.difficulty, row.value, row.deadline, row.decay = task.difficulty, task.value, task.deadline, task.decay
+    row.distance = distance(task.x - report.x, task.y - report.y)
+    row.task_type = believed_type(m, station, j)
+    row.compatible = is_compatible(row.embodiment, row.task_type)
+    row.task_age = age(m.now, belief.time)
+    if belief.time >= 0.0:
+        row.task_status, row.task_progress = belief.status, belief.progress

@@ -32,20 +32,9 @@ def drop_task(m, r):
 
 @kernel
 def finish_task(m, r):
-    """Robot r has no use for its task any more: it idles and is due; its operator may switch freely."""
-    robot = robot_of(m, r)
+    """Robot r has no use for its task any more: it is done, or incompatible and the way there was in vain."""
     drop_task(m, r)
-    robot.due = 1
-    if robot.controller != NOBODY:
-        operator_of(m, robot.controller).exempt = 1
-
-
-@kernel
-def reject_task(m, r):
-    """Robot r has found its task incompatible: the way there was in vain."""
-    m.incompatibles += 1
-    m.tick_reward[1] -= m.rules.incompatible_cost
-    finish_task(m, r)
+    robot_of(m, r).due = 1
 
 
 @kernel
@@ -110,9 +99,7 @@ def arrive(m, r):
     robot = robot_of(m, r)
     task = task_of(m, robot.task)
     robot.place = robot.task
-    if not is_compatible(robot.embodiment, task.type):
-        reject_task(m, r)
-    elif task.status == DONE:
+    if task.status == DONE or not is_compatible(robot.embodiment, task.type):
         finish_task(m, r)
     else:
         robot.activity = SERVICING
@@ -152,7 +139,10 @@ def controlled_success(rules, difficulty, fatigue):
 
 @kernel
 def serve(m, r, now):
-    """One second of service; at full progress the attempt succeeds or fails."""
+    """One second of service; at full progress the attempt succeeds or fails.
+
+    Its chance is the mean over the progress: each share counts as it was made, autonomous or controlled.
+    """
     robot, rules = robot_of(m, r), m.rules
     if robot.mode == HANDOVER:
         return
@@ -164,13 +154,15 @@ def serve(m, r, now):
     else:
         seconds = autonomous_seconds(rules, task.difficulty)
         success = autonomous_success(rules, task.difficulty)
-    task.progress = min(1.0, task.progress + 1.0 / seconds)
+    gain = min(1.0 - task.progress, 1.0 / seconds)
+    task.progress += gain
+    task.chance += gain * success
     if task.progress < 1.0 - 1e-9:
         return
-    if uniform(m.seed, SERVICE, now, r, robot.task) < success:
+    if uniform(m.seed, SERVICE, now, r, robot.task) < task.chance:
         complete(m, r, now + 1)
     else:
-        task.progress = 0.0
+        task.progress, task.chance = 0.0, 0.0
         robot.prescribed = 0
         robot.due = 1
 
@@ -186,7 +178,7 @@ def complete(m, r, time):
     task.done_at = time
     task.done_by = r
     m.pending_value -= task.value
-    m.tick_reward[0] += task.value * timeliness(task.deadline, task.decay, time) / m.total_value
+    m.tick_reward[0] += task.value * timeliness(task.deadline, task.decay, time)
 
 
 @kernel

@@ -16,18 +16,18 @@ from .accessors import (
     task_of,
     tip_of,
 )
-from .control import advance_sessions, break_robot, receive_command, tire
+from .control import advance_sessions, break_robot, learn_control, receive_command, tire
 from .randomness import Event, uniform
 from .recorder import log_tick
 from .records import age_records, is_compatible, learn_peer, learn_task, sense
-from .service import drop_task, reject_task, serve, travel
+from .service import drop_task, finish_task, serve, travel
 from .state import NEVER
-from .transport import close, enqueue, land, queue_telemetry, serve_downlink, serve_uplink
+from .transport import close, enqueue, land, queue_telemetry, send_last_report, serve_downlink, serve_uplink
 
 FAILED, TRAVELLING, SERVICING = int(Activity.FAILED), int(Activity.TRAVELLING), int(Activity.SERVICING)
 CONTROLLED, OPEN, DONE = int(Mode.CONTROLLED), int(Status.OPEN), int(Status.DONE)
 BROADCAST, TELEMETRY, QUERY, REQUEST = int(Kind.BROADCAST), int(Kind.TELEMETRY), int(Kind.QUERY), int(Kind.REQUEST)
-CONTROL, RENEWAL, REPLY = int(Kind.CONTROL), int(Kind.RENEWAL), int(Kind.REPLY)
+REPLY = int(Kind.REPLY)
 MALFUNCTION = int(Event.MALFUNCTION)
 
 
@@ -120,6 +120,7 @@ def receive(m, message, now):
         learn_peer(m, receiver, sender, message.robot)
         learn_records(m, receiver, message)
     elif kind == TELEMETRY:
+        learn_control(m, sender, message.robot)
         if learn_peer(m, station, sender, message.robot):
             for h in range(m.n_operators):
                 if operator_of(m, h).robot == sender:
@@ -140,8 +141,9 @@ def receive(m, message, now):
         if message.resource.time > held.time:
             copy_record(held, message.resource)
         learn_records(m, receiver, message)
+        robot_of(m, receiver).due = 1
     else:
-        receive_command(m, sender - station, receiver, kind, now)
+        receive_command(m, sender - station, receiver, kind, message.sent, now)
 
 
 @kernel
@@ -162,7 +164,7 @@ def look_around(m, now):
         sense(m, r, now)
         if robot.activity == TRAVELLING and belief_of(m, r, robot.task).time == now:
             if not is_compatible(robot.embodiment, belief_of(m, r, robot.task).type):
-                reject_task(m, r)
+                finish_task(m, r)
 
 
 @kernel
@@ -174,9 +176,12 @@ def communicate(m, now):
         for h in range(m.n_operators):
             operator_of(m, h).tokens = m.rules.bucket
     for r in range(m.n_robots):
-        if robot_of(m, r).activity != FAILED:
+        robot = robot_of(m, r)
+        if robot.activity != FAILED:
             queue_telemetry(m, r, now)
             serve_uplink(m, r, now)
+        elif robot.failed_at == now:
+            send_last_report(m, r, now)
     for h in range(m.n_operators):
         serve_downlink(m, h, now)
 
@@ -203,8 +208,10 @@ def mark_due(m, now):
 def pay(m):
     """The team reward of this second (paper, eq. 4): mission part and coordination part."""
     m.tick_reward[0] -= m.rules.pending_cost * m.pending_value / m.total_value
-    m.reward[0] += m.tick_reward[0]
-    m.reward[1] += m.tick_reward[1]
+    for part in range(2):
+        m.reward[part] += m.tick_reward[part]
+        m.step_reward[part] += m.fade * m.tick_reward[part]
+    m.fade *= m.discount
 
 
 @kernel

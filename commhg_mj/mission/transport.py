@@ -28,6 +28,7 @@ from .state import NEVER
 
 BROADCAST, TELEMETRY = int(Kind.BROADCAST), int(Kind.TELEMETRY)
 REQUEST, REPLY = int(Kind.REQUEST), int(Kind.REPLY)
+CONTROL, RENEWAL, RELEASE = int(Kind.CONTROL), int(Kind.RENEWAL), int(Kind.RELEASE)
 DELIVERED, OUT_OF_RANGE, TERRAIN, LOST = (
     int(Fate.DELIVERED), int(Fate.OUT_OF_RANGE), int(Fate.TERRAIN), int(Fate.LOST),
 )  # fmt: skip
@@ -187,6 +188,14 @@ def serve_uplink(m, r, now):
 
 
 @kernel
+def send_last_report(m, r, now):
+    """In the second in which it fails, robot r may still say so."""
+    enqueue(m, uplink_of(m, r, 2), TELEMETRY, r, m.n_robots + m.n_operators, now)
+    serve_uplink(m, r, now)
+    displace(m, uplink_of(m, r, 2), now)
+
+
+@kernel
 def queue_telemetry(m, r, now):
     """Telemetry falls due; it yields to a query or a request that waits."""
     robot = robot_of(m, r)
@@ -229,12 +238,18 @@ def oldest_reply(m, h):
 
 @kernel
 def send_downlink(m, h, waiting, now):
-    """Send operator h's command or reply to its robot."""
+    """Send operator h's command or reply to its robot. A lease counts from now, whenever it arrives."""
     operator, rules = operator_of(m, h), m.rules
     kind, r = waiting.kind, waiting.target
     operator.tokens -= rules.message_bytes[kind]
     waiting.since = NEVER
     slot = transmit(m, kind, m.n_robots + h, r, link_to_station(m, r, kind), waiting.log, now)
+    if kind == CONTROL:
+        operator.leased, operator.ordered_at, operator.lease_sent = r, now, now
+    elif kind == RENEWAL:
+        operator.lease_sent = now
+    elif kind == RELEASE:
+        operator.ordered_at = now
     if kind == REPLY:
         tip = choose_tip(m, r)
         if slot != NOBODY:

@@ -76,13 +76,18 @@ class Auditor:
 
     @staticmethod
     def check_control(state):
-        for robots, operators in zip(state.robots, state.operators):
-            held = np.flatnonzero(operators["session"] == Session.HELD)
-            assert np.array_equal(robots["controller"][operators["robot"][held]], held)
+        """One robot a human, one human a robot, and no lease that its operator does not reckon with."""
+        lease = state.missions["rules"]["lease"]
+        for e, (robots, operators) in enumerate(zip(state.robots, state.operators)):
             controlled = np.flatnonzero(robots["controller"] != NOBODY)
-            assert np.array_equal(np.sort(operators["robot"][held]), controlled)
+            controllers = robots["controller"][controlled]
+            assert len(np.unique(controllers)) == len(controllers), "an operator controls two robots"
+            assert np.array_equal(operators["leased"][controllers], controlled)
+            assert np.all(robots["lease_until"][controlled] <= operators["lease_sent"][controllers] + lease[e])
             assert np.array_equal(robots["mode"] == Mode.AUTONOMOUS, robots["controller"] == NOBODY)
             assert np.array_equal(operators["session"] == Session.REST, operators["robot"] == NOBODY)
+            held = operators[operators["session"] == Session.HELD]
+            assert np.array_equal(held["leased"], held["robot"])
         assert np.all((state.operators["fatigue"] >= 0) & (state.operators["fatigue"] <= 1))
 
     @staticmethod
