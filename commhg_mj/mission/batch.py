@@ -35,13 +35,14 @@ LONGEST_STEP = 86_400  # s: the longest mission's limit
 
 
 @kernel
-def advance_and_observe(missions, seconds, discount, seen, masks):
+def advance_and_observe(missions, seconds, discount, earned, seen, masks):
     """Advance every mission until somebody in it is due or by its `seconds` [E], and observe for all who are due.
 
     Mission by mission, so that its arrays are still in the processor's cache when they are observed.
 
     Args:
-      discount: a second, of the step's reward.
+      discount: a second, of what is earned.
+      earned: [E, 2] is filled with the reward's two parts.
       seen, masks: room for every actor of every mission; the first rows are filled.
 
     Returns:
@@ -50,8 +51,7 @@ def advance_and_observe(missions, seconds, discount, seen, masks):
     i, k = 0, 0
     for e in range(missions.shape[0]):
         m = missions[e]
-        m.discount, m.fade, m.step_reward[0], m.step_reward[1] = discount, 1.0, 0.0, 0.0
-        advance(m, seconds[e])
+        advance(m, seconds[e], discount, earned[e])
         if m.over:
             continue
         for r in range(m.n_robots):
@@ -178,8 +178,8 @@ class MissionBatch:
         """Advance and observe; a new mission stands at t = 0, where everybody is due."""
         seen, masks = new_observations(len(self.seeds), self.scenario), new_masks(len(self.seeds), self.scenario)
         lasts = np.where(self._is_new, 0, seconds)
-        n, k = advance_and_observe(self.state.missions, lasts, self.discount, seen, masks)
-        self.rewards = self.state.missions["step_reward"].copy()
+        self.rewards = np.zeros((len(self.seeds), 2))
+        n, k = advance_and_observe(self.state.missions, lasts, self.discount, self.rewards, seen, masks)
         self._is_new[:] = False
         self.observations = Observations(*(table[:rows] for table, rows in zip(seen, (n, n, n, n, k, k))))
         self._masks = Masks(*(table[:rows] for table, rows in zip(masks, (n, n, n, k, k))))
