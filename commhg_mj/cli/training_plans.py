@@ -26,8 +26,11 @@ def new_plan(options) -> Plan:
     init = _init(options, scenario)
     if init not in ("", SMALL_TO_LARGE):
         begin_with(method, init)
-    hyper = Hyper.of(scenario.n_robots, bool(init), **{name: getattr(options, name) for name in OF_HYPER})
-    return Plan(**{name: getattr(options, name) for name in OF_PLAN} | {"scenario": scenario, "init": init, "hyper": hyper})
+    return Plan(
+        options.method, scenario, options.seed, options.links, options.limitation, options.missions,
+        options.side_by_side, options.workers, init=init,
+        hyper=Hyper.of(scenario.n_robots, bool(init), lam=options.lam, trace=options.trace),
+    )  # fmt: skip
 
 
 def _init(options, scenario: Scenario) -> str:
