@@ -12,7 +12,7 @@ from ..base.files import held
 from ..base.kernels import ensure_compiled
 from ..radio import find_link_model
 from ..scenarios import load_scenario
-from .console import LOG, OUT, Limitation, at_least, check_file, make_folder, progress, say
+from .console import LOG, OUT, Limitation, at_least, check_file, check_folder, make_folder, progress, say
 
 
 @dataclass(frozen=True)
@@ -188,6 +188,7 @@ class Publish:
         find_link_model(self.links)
         at_least("missions", self.missions, 2)
         at_least("workers", self.workers, 1)
+        check_folder(self.out)
         with progress("flying", self.missions * 5) as advance:
             name, card = make_card(path, self.missions, self.links, self.limitation, self.workers, advance)
         make_folder(self.out)

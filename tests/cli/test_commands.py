@@ -17,6 +17,7 @@ import pytest
 
 from commhg_mj import SCENARIOS, load_scenario, load_trace
 from commhg_mj.base import charts
+from commhg_mj.base.files import held
 from commhg_mj.base.kernels import ensure_compiled
 from commhg_mj.base.terms import Fate, Kind
 from commhg_mj.bench import interfaces
@@ -359,6 +360,40 @@ def test_a_world_that_does_not_fit(refused, tmp_path):
 )
 def test_bad_render(refused, trace, arguments, said):
     assert said in refused("render", trace, *arguments)
+
+
+@pytest.mark.parametrize(
+    "arguments, said",
+    [
+        ("render TRACE --out p.png --at 1 --from 2", "--from has no effect beside --at"),
+        ("render TRACE --out p.png --at 1 --speed 2", "--speed has no effect beside --at"),
+        ("render TRACE --out v.mp4 --coverage-height 2", "--coverage-height has no effect without --coverage"),
+        ("links --trace TRACE --from uav0 --to uav1 --seed 3", "--seed has no effect beside --trace"),
+        ("links --trace TRACE --from uav0 --to uav1 --limitation high", "--limitation has no effect beside --trace"),
+        ("bench --train --start", "--start has no effect beside --train"),
+    ],
+)
+def test_options_without_effect(refused, trace, arguments, said):
+    assert said in refused(*arguments.replace("TRACE", str(trace)).split())
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    ["evaluate --out nowhere/f.json", "coverage --out nowhere/f.png", "publish RUN --out file", "publish RUN --out file/in"],
+)
+def test_outputs_are_refused_before_the_work(refused, tmp_path, monkeypatch, arguments):
+    for work in ("study.evaluation.evaluate", "planning.coverage.cover", "study.model_card.make_card"):
+        monkeypatch.setattr(f"commhg_mj.{work}", lambda *arguments: pytest.fail("it has begun"))
+    (tmp_path / "file").touch()
+    assert arguments.split()[-1] in refused(*arguments.split())
+
+
+def test_of_two_comparisons_in_one_folder_the_second_is_refused(refused, tiny, tmp_path):
+    (tmp_path / "c" / "parts").mkdir(parents=True)
+    (tmp_path / "c" / ".lock").touch()
+    with held(tmp_path / "c"):
+        said = refused("compare", "--scenario", tiny, "--missions", 2, "--workers", 1, "--no-clip", "--out", "c")
+    assert "c is in use by another process" in said
 
 
 def damaged_files(good: bytes):
