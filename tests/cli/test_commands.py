@@ -17,7 +17,6 @@ import pytest
 
 from commhg_mj import SCENARIOS, load_scenario, load_trace
 from commhg_mj.base import charts
-from commhg_mj.base.files import held
 from commhg_mj.base.kernels import ensure_compiled
 from commhg_mj.base.terms import Fate, Kind
 from commhg_mj.bench import interfaces
@@ -386,14 +385,6 @@ def test_outputs_are_refused_before_the_work(refused, tmp_path, monkeypatch, arg
         monkeypatch.setattr(f"commhg_mj.{work}", lambda *arguments: pytest.fail("it has begun"))
     (tmp_path / "file").touch()
     assert arguments.split()[-1] in refused(*arguments.split())
-
-
-def test_of_two_comparisons_in_one_folder_the_second_is_refused(refused, tiny, tmp_path):
-    (tmp_path / "c" / "parts").mkdir(parents=True)
-    (tmp_path / "c" / ".lock").touch()
-    with held(tmp_path / "c"):
-        said = refused("compare", "--scenario", tiny, "--missions", 2, "--workers", 1, "--no-clip", "--out", "c")
-    assert "c is in use by another process" in said
 
 
 def damaged_files(good: bytes):

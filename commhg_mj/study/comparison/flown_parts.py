@@ -1,14 +1,13 @@
 """Flying a comparison in parts that are kept: an interrupted one goes on where it stopped."""
 
-import contextlib
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
 from ...base import kernels
-from ...base.files import held, whole_file
+from ...base.files import whole_file
 from ...flights.fly import chunks_of, fly_to_end, spread
 from ...mission.trace import make_traces
 from ...planning.link_pairs import links_of
@@ -22,34 +21,28 @@ FORMAT = 1
 PERIOD = 5  # s between the links that count; blockages are followed second by second
 
 
-@contextlib.contextmanager
-def claimed(folder: Path, settings: dict) -> Iterator[None]:
-    """Make the folder of a comparison and hold it, or refuse one that holds another.
+def claim_folder(folder: Path, settings: dict) -> None:
+    """Make the folder of a comparison, or refuse one that holds another.
 
     Raises:
-      ValueError: another process is at it, or it holds a comparison with other settings, or something else under that
-        name; the message says which.
+      ValueError: it holds a comparison with other settings, or something else under that name; the message says which.
     """
+    path = folder / "comparison.json"
+    settings = {"format": FORMAT, "kernels": kernels.CACHE_DIR.name, **settings}
+    if path.exists():
+        held = _read(path)
+        if not isinstance(held, dict):
+            raise ValueError(f"{path} is damaged: choose another --out or remove it")
+        for name, value in settings.items():
+            if held.get(name) != value:
+                what = "was made by another version" if name in ("format", "kernels") else f"has another {name}"
+                raise ValueError(f"--out {folder}: the comparison there {what}; choose another folder")
     try:
         (folder / "parts").mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise ValueError(f"--out {folder}: {error.strerror}") from None
-    with held(folder):
-        path, settings = folder / "comparison.json", {"format": FORMAT, "kernels": kernels.CACHE_DIR.name, **settings}
-        if path.exists():
-            _check_same(folder, _read(path), settings)
-        with whole_file(path) as part:
-            part.write_text(json.dumps(settings, indent=1))
-        yield
-
-
-def _check_same(folder, there, settings):
-    if not isinstance(there, dict):
-        raise ValueError(f"{folder / 'comparison.json'} is damaged: choose another --out or remove it")
-    for name, value in settings.items():
-        if there.get(name) != value:
-            what = "was made by another version" if name in ("format", "kernels") else f"has another {name}"
-            raise ValueError(f"--out {folder}: the comparison there {what}; choose another folder")
+    with whole_file(path) as part:
+        part.write_text(json.dumps(settings, indent=1))
 
 
 def settings_of(scenario, policies, first_seed: int, limitation: str) -> dict:

@@ -15,7 +15,7 @@ from ...scenarios import Scenario
 from . import figures
 from . import record_tables as tables
 from .clip import make_clip
-from .flown_parts import claimed, fly_conditions, link_missions, look_at_links, settings_of
+from .flown_parts import claim_folder, fly_conditions, link_missions, look_at_links, settings_of
 from .plan import FREE, MODELS, SHUFFLED, plan
 from .report import write_report
 from .sight import blockage_rows, link_rows
@@ -44,14 +44,10 @@ def compare(
       The report's path.
 
     Raises:
-      ValueError: an argument is impossible, or the folder holds another comparison, or is in use; the message names it.
+      ValueError: an argument is impossible, or the folder holds another comparison; the message names it.
     """
     folder, policies = Path(out), _check(policies)
-    with claimed(folder, settings_of(scenario, policies, first_seed, limitation)):
-        return _compare(scenario, policies, missions, folder, first_seed, limitation, workers, with_clip, advance)
-
-
-def _compare(scenario, policies, missions, folder, first_seed, limitation, workers, with_clip, advance):
+    claim_folder(folder, settings_of(scenario, policies, first_seed, limitation))
     conditions = plan(scenario, policies, missions)
     results = fly_conditions(folder, conditions, first_seed, limitation, workers, advance)
     raycast = next(condition for condition in conditions if condition.label == "raycast")
