@@ -40,6 +40,8 @@ def trainings(plan: Plan, folder, group: ProcessGroup = ALONE, device: str = "cp
         # All have looked before the first one writes, and nobody reads the stage before until it is written.
         if group.least((at / STATE).exists()):
             training = Training.resume(at, group, device)
+            if at == Path(folder):  # a run may have been lengthened; stages before it have lengths of their own
+                training.plan = dataclasses.replace(training.plan, missions=plan.missions)
         else:
             training = Training(stage, at, group=group, device=device)
             training.save()  # something to resume from, from the first moment on

@@ -1,6 +1,7 @@
 """Training: collect, update, remember; a run is a folder, and goes on to the same bits after any interruption."""
 
 import dataclasses
+import io
 import json
 import time
 import zipfile
@@ -49,6 +50,9 @@ class Plan:
     hyper: Hyper = Hyper()
 
     def __post_init__(self):
+        most = LARGEST_SEED // TRAINING_SEEDS - 2
+        if not 0 <= self.seed <= most:  # its missions would have no seeds
+            raise ValueError(f"seed of a training must be a whole number in 0..{most}, is {self.seed}")
         if not (isinstance(self.workers, int) and 1 <= self.workers <= self.side_by_side):
             raise ValueError(f"workers must be a whole number from 1 to side_by_side ({self.side_by_side}), is {self.workers!r}")
 
@@ -153,8 +157,10 @@ class Training:
             "optimizer": self.learner.optimizer.state_dict(), "workers": workers,
             "counts": [self.updates, self.missions, self.decisions, self.cpu_seconds, self.cpu_before],
         }  # fmt: skip
+        content = io.BytesIO()  # torch's own writer does not say what is wrong with a file
+        torch.save(state, content)
         with whole_file(self.folder / STATE) as draft:
-            torch.save(state, draft)
+            draft.write_bytes(content.getbuffer())
 
     def facts(self) -> dict:
         """What a model card says of the training."""
@@ -201,13 +207,6 @@ def _naming(path):
         raise
     except Exception as error:  # files are damaged in more ways than torch, JSON and our own rules have errors for
         raise ValueError(f"{path} is damaged or no training ({type(error).__name__})") from error
-
-
-def check_training_seed(seed: int) -> None:
-    """ValueError unless the missions of a training with this seed have seeds themselves."""
-    most = LARGEST_SEED // TRAINING_SEEDS - 2
-    if not 0 <= seed <= most:
-        raise ValueError(f"seed of a training must be a whole number in 0..{most}, is {seed}")
 
 
 def begin_with(method, path) -> float:
