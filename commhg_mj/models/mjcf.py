@@ -17,6 +17,7 @@ from ..base.files import whole_file
 from ..base.terms import TaskType
 from . import meshes, textures
 from .obstacle_model import Group, add_canopies, add_geom, add_mesh, add_mountains
+from .solids import make_solid
 from .viewpoints import add_cameras
 from .world import World
 
@@ -29,6 +30,10 @@ TYPE_COLOURS = {  # distinguishable with every kind of colour vision; robots wea
     TaskType.GENERAL: (0.95, 0.42, 0.80),
 }
 BEAM_ALPHA = 0.35
+FALLS_THROUGH = """A world to look at and to cast rays through: no gravity, no contacts.
+A body that is added falls through; `commhg-mj world --collide` writes a world that holds it."""
+HOLDS = """A world for bodies of your own: gravity is on; ground, mountains and trunks (geom group 3) hold what is added.
+Crowns, the team's robots, the station and the markers do not; `commhg-mj world` without --collide has no contacts."""
 PAD_TOP = 0.05  # m at scale 1: the floor of station.xml
 
 
@@ -48,12 +53,13 @@ def build_model(world: World, pictures: bool = True) -> mujoco.MjModel:
     return build_spec(world, pictures).compile()
 
 
-def build_spec(world: World, pictures: bool = True) -> mujoco.MjSpec:
+def build_spec(world: World, pictures: bool = True, collide: bool = False) -> mujoco.MjSpec:
     """The world as an editable MJCF specification.
 
     Args:
       world: what to build; the same world gives the same specification.
       pictures: False leaves out what only the eye needs and keeps bodies, cameras and the geometry for rays.
+      collide: gravity, and ground, mountains and trunks that hold bodies; without, whatever is added falls through.
     """
     spec = mujoco.MjSpec.from_file(str(XML / "scene.xml")) if pictures else mujoco.MjSpec()
     spec.modelname = "commhg_mj"
@@ -67,8 +73,12 @@ def build_spec(world: World, pictures: bool = True) -> mujoco.MjSpec:
     _add_station(spec, world, pictures)
     _add_pois(spec, world, pictures)
     add_cameras(spec, world.layout, station_scale(world))
+    rng = np.random.default_rng([world.seed, STREAM])
+    forest = meshes.plan_forest(world.layout, rng) if pictures or collide else None
     if pictures:
-        _add_scenery(spec, world)
+        _add_scenery(spec, world.layout, forest, rng)
+    if collide:
+        make_solid(spec, world.layout, forest)
     _name_geoms(spec)
     return spec
 
@@ -156,11 +166,8 @@ def _add_poi_geoms(body, name, size, poi_type):
         add_geom(body, "sphere", Group.VISUAL, size=[size, 0, 0], **style)
 
 
-def _add_scenery(spec, world):
+def _add_scenery(spec, layout, forest, rng):
     """Textures, the far ground, the sky and the trees."""
-    layout = world.layout
-    rng = np.random.default_rng([world.seed, STREAM])
-    forest = meshes.plan_forest(layout, rng)
     sun = spec.light("sun").dir
     _add_texture(spec, "terrain", textures.terrain_image(layout, forest.trees(), sun, rng))
     _add_texture(spec, "horizon", textures.horizon_image(rng))
@@ -192,10 +199,10 @@ def _add_forest(spec, forest, rng):
         add_geom(spec.worldbody, "mesh", Group.VISUAL, name=f"trees{i}", pos=[x, y, 0], quat=quat, **style)
 
 
-def write_world(world: World, path) -> None:
+def write_world(world: World, path, collide: bool = False) -> None:
     """Write the world as XML with its textures in `<stem>_assets/` beside it, for any MuJoCo program.
 
-    Pictures have the checksum of their content in their name and the XML is replaced last, in one step: an
+    `collide` as for `build_spec`; the file's own comment says which it is. Pictures have the checksum of their content in their name and the XML is replaced last, in one step: an
     interrupted call leaves an earlier world intact.
 
     Raises:
@@ -204,7 +211,8 @@ def write_world(world: World, path) -> None:
     path = Path(path)
     if path.suffix != ".xml" or path.is_dir():
         raise ValueError(f"world file {path}: must be a file whose name ends in .xml")
-    spec = build_spec(world)
+    spec = build_spec(world, collide=collide)
+    spec.comment = HOLDS if collide else FALLS_THROUGH
     assets = path.with_name(f"{path.stem}_assets")
     try:
         assets.mkdir(exist_ok=True)
