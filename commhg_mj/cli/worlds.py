@@ -6,7 +6,7 @@ from pathlib import Path
 import tyro
 from rich.table import Column, Table
 
-from ..mission.batch import check_seed
+from ..base.arguments import check_seed
 from ..scenarios import SCENARIOS, describe, load_scenario
 from .console import OUT, check_file, load_mujoco, say, show
 

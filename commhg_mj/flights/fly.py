@@ -4,6 +4,7 @@ from collections.abc import Callable
 from concurrent.futures import as_completed
 from pathlib import Path
 
+from ..base.arguments import path_of, seeds_of, workers_of
 from ..base.files import target_of
 from ..base.kernels import ensure_compiled
 from ..base.processes import pool_of
@@ -11,7 +12,7 @@ from ..mission.batch import MissionBatch
 from ..mission.score import Score
 from ..mission.trace import load_head, make_traces, save_trace
 from ..policies import conditions_of, label_of, prepare
-from ..scenarios import Scenario
+from ..scenarios import Scenario, load_scenario
 
 DEFAULTS = ("abstract", "matched", "nominal")
 CHUNK = 16  # missions that one call flies side by side: memory and progress stay fine-grained
@@ -57,8 +58,9 @@ def fly(
     Raises:
       ValueError: an argument is impossible; the message names it.
     """
-    seeds = list(seeds)
+    scenario, seeds = load_scenario(scenario), seeds_of(seeds)
     if out is not None:
+        out = path_of("out", out)
         check_traces(out, scenario, policy, links, limitation, seeds)
     jobs = [(scenario, policy, chunk, links, limitation, out) for chunk in chunks_of(seeds)]
     results = spread(_fly_chunk, jobs, workers, lambda scores: advance(len(scores)))
@@ -77,7 +79,7 @@ def fly_recorded(
 
 def chunks_of(seeds) -> list[list[int]]:
     """Seeds that one call flies together."""
-    seeds = list(seeds)
+    seeds = seeds_of(seeds)
     return [seeds[i : i + CHUNK] for i in range(0, len(seeds), CHUNK)]
 
 
@@ -86,7 +88,7 @@ def spread(work: Callable, jobs: list[tuple], workers=1, done: Callable = lambda
 
     `done` is told each result as soon as it is there.
     """
-    if workers == 1 or len(jobs) <= 1:
+    if workers_of(workers) == 1 or len(jobs) <= 1:
         results = []
         for job in jobs:
             results.append(work(*job))

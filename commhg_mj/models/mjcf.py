@@ -13,6 +13,7 @@ import cv2
 import mujoco
 import numpy as np
 
+from ..base.arguments import instance, path_of
 from ..base.files import whole_file
 from ..base.terms import TaskType
 from . import meshes, textures
@@ -61,6 +62,7 @@ def build_spec(world: World, pictures: bool = True, collide: bool = False) -> mu
       pictures: False leaves out what only the eye needs and keeps bodies, cameras and the geometry for rays.
       collide: gravity, and ground, mountains and trunks that hold bodies; without, whatever is added falls through.
     """
+    instance("world", world, World)
     spec = mujoco.MjSpec.from_file(str(XML / "scene.xml")) if pictures else mujoco.MjSpec()
     spec.modelname = "commhg_mj"
     spec.copy_during_attach = True  # one asset serves many robots
@@ -73,12 +75,8 @@ def build_spec(world: World, pictures: bool = True, collide: bool = False) -> mu
     _add_station(spec, world, pictures)
     _add_pois(spec, world, pictures)
     add_cameras(spec, world.layout, station_scale(world))
-    rng = np.random.default_rng([world.seed, STREAM])
-    forest = meshes.plan_forest(world.layout, rng) if pictures or collide else None
-    if pictures:
-        _add_scenery(spec, world.layout, forest, rng)
-    if collide:
-        make_solid(spec, world.layout, forest)
+    if pictures or collide:
+        _add_trees(spec, world, pictures, collide)
     _name_geoms(spec)
     return spec
 
@@ -86,7 +84,7 @@ def build_spec(world: World, pictures: bool = True, collide: bool = False) -> mu
 def _add_ground(spec, world, pictures):
     """The plain and the mountains upon it; both take their colour from the terrain texture."""
     layout = world.layout
-    material = {"material": "terrain"} if pictures else {}
+    material: dict = {"material": "terrain"} if pictures else {}
     centre, half = [layout.side / 2, layout.side / 2, 0], meshes.TERRAIN_REACH * layout.side / 2
     size = [half, half, half / 8]
     add_geom(spec.worldbody, "plane", Group.GROUND, name="ground", pos=centre, size=size, **material)
@@ -152,7 +150,7 @@ def _add_pois(spec, world, pictures):
 def _add_poi_geoms(body, name, size, poi_type):
     colour = TYPE_COLOURS[poi_type]
     top = 7 * size
-    style = {"rgba": [*colour, 1], "material": "poi"}
+    style: dict = {"rgba": [*colour, 1], "material": "poi"}
     disc, beam = [1.3 * size, 0.04 * size, 0], [0.14 * size, top / 2, 0]
     add_geom(body, "cylinder", Group.VISUAL, name=f"{name}/disc", pos=[0, 0, 0.08 * size], size=disc, **style)
     faint = {"rgba": [*colour, BEAM_ALPHA], "material": "beam"}
@@ -164,6 +162,16 @@ def _add_poi_geoms(body, name, size, poi_type):
         add_geom(body, "box", Group.VISUAL, size=[0.8 * size] * 3, **style)
     else:
         add_geom(body, "sphere", Group.VISUAL, size=[size, 0, 0], **style)
+
+
+def _add_trees(spec, world, pictures, collide):
+    """The trees, and what comes with them for the eye or for bodies."""
+    rng = np.random.default_rng([world.seed, STREAM])
+    forest = meshes.plan_forest(world.layout, rng)
+    if pictures:
+        _add_scenery(spec, world.layout, forest, rng)
+    if collide:
+        make_solid(spec, world.layout, forest)
 
 
 def _add_scenery(spec, layout, forest, rng):
@@ -202,13 +210,16 @@ def _add_forest(spec, forest, rng):
 def write_world(world: World, path, collide: bool = False) -> None:
     """Write the world as XML with its textures in `<stem>_assets/` beside it, for any MuJoCo program.
 
-    `collide` as for `build_spec`; the file's own comment says which it is. Pictures have the checksum of their content in their name and the XML is replaced last, in one step: an
-    interrupted call leaves an earlier world intact.
+    Pictures have the checksum of their content in their name and the XML is replaced last, in one step: an
+    interrupted call leaves an earlier world intact. The file's own comment says whether it holds bodies.
+
+    Args:
+      collide: as for `build_spec`.
 
     Raises:
       ValueError: `path` does not end in .xml or cannot be written; the message names it.
     """
-    path = Path(path)
+    path = path_of("path", path)
     if path.suffix != ".xml" or path.is_dir():
         raise ValueError(f"world file {path}: must be a file whose name ends in .xml")
     spec = build_spec(world, collide=collide)

@@ -4,6 +4,7 @@ MuJoCo's meshes collide by their convex hulls, so each mountain's surface comes 
 nodes, cut into the same triangles. Trees are drawn in clumps, so each gets a capsule where its trunk is.
 """
 
+import mujoco
 import numpy as np
 
 from .layout import SURFACE_NODES, Layout, surface_half_width
@@ -11,6 +12,7 @@ from .meshes import TRUNK_HEIGHT, TRUNK_RADIUS, Forest
 from .obstacle_model import Group, add_geom
 
 GRAVITY = 9.81  # m/s²
+FRICTION_OVER_NORMAL = 10.0  # impedance: what lies on a slope creeps by less than 1 mm/s, by MuJoCo's own by 1 cm/s
 DEPTH = 10.0  # m: height fields reach so far below the plain; what has sunk in is then pushed out upwards, not through
 SUNK = 0.02  # m: they lie so much lower than what is drawn, that nothing stumbles over their rims in the plain
 
@@ -18,9 +20,10 @@ SUNK = 0.02  # m: they lie so much lower than what is drawn, that nothing stumbl
 def make_solid(spec, layout: Layout, forest: Forest) -> None:
     """Switch gravity on and let ground, mountains and trunks touch whatever is added to the world.
 
-    Friction and solver parameters stay MuJoCo's own: of two geoms in contact the rougher one counts.
+    Friction and solver parameters of the geoms stay MuJoCo's own: of two in contact the rougher one counts.
     """
     spec.option.gravity = [0, 0, -GRAVITY]
+    spec.option.cone, spec.option.impratio = mujoco.mjtCone.mjCONE_ELLIPTIC, FRICTION_OVER_NORMAL
     ground = spec.geom("ground")
     ground.contype = ground.conaffinity = 1
     for i, (part, surface) in enumerate(zip(layout.mountains, layout.surfaces)):
