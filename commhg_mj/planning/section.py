@@ -53,7 +53,7 @@ def positions_at(scenario: Scenario, seed: int, at: float) -> np.ndarray:
 
 
 def view_link(world: World, places, robot_xy, limitation="nominal") -> LinkView:
-    """Look at the link between two places, the robots being at robot_xy [R, 2].
+    """Look at the link between two places, the robots being at robot_xy [R, 2]; None where no robot is an end.
 
     Raises:
       ValueError: both ends are one place.
@@ -61,7 +61,8 @@ def view_link(world: World, places, robot_xy, limitation="nominal") -> LinkView:
     instance("world", world, World)
     if not isinstance(places, (list, tuple)) or [type(place) for place in places] != [Endpoint, Endpoint]:
         raise ValueError(f"places must be two Endpoints, is {said(places)}")
-    robot_xy = numbers("robot_xy", robot_xy, world.scenario.n_robots, 2)
+    if any(place.robot is not None for place in places):
+        robot_xy = numbers("robot_xy", robot_xy, world.scenario.n_robots, 2)
     transport, to_station = world.scenario.communication, any(place.is_station for place in places)
     size = transport.telemetry_bytes if to_station else transport.broadcast_bytes
     links = {model: WorldLinks(world, model, limitation) for model in MODELS}

@@ -9,7 +9,7 @@ from functools import partial
 import cv2
 import numpy as np
 
-from ..base.arguments import instance, path_of, positive, said, second, workers_of
+from ..base.arguments import instance, path_of, positive, second, workers_of
 from ..base.files import whole_file
 from ..base.processes import pool_of
 from ..mission.trace import Trace
@@ -210,5 +210,5 @@ def check_size(size) -> tuple:
     """The size of a picture; ValueError unless it is two even numbers of pixels."""
     values = tuple(size) if isinstance(size, Iterable) else (size,)
     if len(values) != 2 or not all(isinstance(n, (int, np.integer)) and SMALLEST <= n <= LARGEST and n % 2 == 0 for n in values):
-        raise ValueError(f"size must be two even numbers in {SMALLEST}..{LARGEST}, is {said(size)}")
+        raise ValueError(f"size must be two even numbers in {SMALLEST}..{LARGEST}, is {'x'.join(map(str, values))}")
     return tuple(map(int, values))
