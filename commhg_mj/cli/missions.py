@@ -6,8 +6,8 @@ from typing import Annotated
 
 import tyro
 
+from ..base.arguments import check_seed
 from ..flights.fly import fly, trace_path
-from ..mission.batch import check_seed
 from ..mission.trace import load_trace
 from ..policies import find_policy
 from ..radio import find_link_model

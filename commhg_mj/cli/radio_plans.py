@@ -6,8 +6,8 @@ from typing import Annotated
 
 import tyro
 
+from ..base.arguments import check_seed
 from ..flights.held_out import HELD_OUT
-from ..mission.batch import check_seed
 from ..mission.trace import load_trace
 from ..scenarios import SCENARIOS, load_scenario, with_profile
 from .console import OUT, Limitation, Profile, at_least, check_png, load_mujoco, progress, say, without_effect

@@ -4,6 +4,7 @@ import dataclasses
 from collections.abc import Iterator
 from pathlib import Path
 
+from ..base.arguments import path_of
 from ..base.files import whole_file
 from ..scenarios import SCENARIOS, Scenario
 from .distributed import ALONE, ProcessGroup
@@ -69,7 +70,7 @@ def read_plan(folder) -> Plan:
     Raises:
       ValueError: there is none, or it is damaged; the message names it.
     """
-    path = Path(folder) / PLAN
+    path = path_of("folder", folder) / PLAN
     try:
         return plan_from_json(path.read_text())
     except FileNotFoundError:
