@@ -7,7 +7,7 @@ from typing import Literal
 from rich.table import Table
 
 from ..scenarios import SCENARIOS
-from .console import LOG, OUT, at_least, progress
+from .console import LOG, OUT, at_least, progress, without_effect
 
 
 @dataclass(frozen=True)
@@ -25,6 +25,8 @@ class Bench:
         from ..bench.interfaces import interface_rates
         from ..bench.speeds import all_speeds, training_speeds
 
+        if self.train:
+            without_effect(self, "train", start="start")
         table = Table("what", "rate", "unit")
         names = list(SCENARIOS) if self.scenario == "all" else [self.scenario]
         with LOG.status("measuring"):

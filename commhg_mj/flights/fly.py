@@ -6,6 +6,7 @@ from functools import partial
 from itertools import chain
 from pathlib import Path
 
+from ..base.arguments import path_of, seeds_of, workers_of
 from ..base.files import target_of
 from ..base.kernels import ensure_compiled
 from ..base.processes import pool_of
@@ -13,7 +14,7 @@ from ..mission.batch import MissionBatch
 from ..mission.score import Score
 from ..mission.trace import load_head, make_traces, save_trace
 from ..policies import conditions_of, label_of, prepare
-from ..scenarios import Scenario
+from ..scenarios import Scenario, load_scenario
 
 DEFAULTS = ("abstract", "matched", "nominal")
 CHUNK = 16  # missions that one call flies side by side: memory and progress stay fine-grained
@@ -59,8 +60,9 @@ def fly(
     Raises:
       ValueError: an argument is impossible; the message names it.
     """
-    seeds = list(seeds)
+    scenario, seeds = load_scenario(scenario), seeds_of(seeds)
     if out is not None:
+        out = path_of("out", out)
         check_traces(out, scenario, policy, links, limitation, seeds)
     jobs = [(scenario, policy, chunk, links, limitation, out) for chunk in chunks_of(seeds)]
     return _spread_missions(_fly_chunk, jobs, workers, advance)
@@ -86,12 +88,12 @@ def _spread_missions(work, jobs, workers, advance) -> list:
 
 def is_alone(jobs: list[tuple], workers: int) -> bool:
     """Whether this process does all the work."""
-    return workers == 1 or len(jobs) <= 1
+    return workers_of(workers) == 1 or len(jobs) <= 1
 
 
 def chunks_of(seeds) -> list[list[int]]:
     """Seeds that one call flies together."""
-    seeds = list(seeds)
+    seeds = seeds_of(seeds)
     return [seeds[i : i + CHUNK] for i in range(0, len(seeds), CHUNK)]
 
 

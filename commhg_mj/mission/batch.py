@@ -5,6 +5,7 @@ Every API of the package and training go through this class and its kernels.
 
 import numpy as np
 
+from ..base.arguments import flag, instance, seeds_of, whole
 from ..base.kernels import ensure_compiled, kernel
 from ..base.terms import IDLE, KEEP, NOBODY, REST
 from ..models.world import World, make_world
@@ -30,7 +31,6 @@ from .state import State, ground_of, new_state, wire, write_rules
 from .tick import advance
 
 LOWEST, HIGHEST = np.iinfo(np.int32).min, np.iinfo(np.int32).max
-LARGEST_SEED = 2**63 - 1
 LONGEST_STEP = 86_400  # s: the longest mission's limit
 
 
@@ -95,10 +95,8 @@ class MissionBatch:
 
     def __init__(self, scenario, seeds, links="abstract", limitation="nominal", record=False):
         self.scenario: Scenario = load_scenario(scenario)
-        self.seeds = [check_seed(seed) for seed in seeds]
-        if not self.seeds:
-            raise ValueError("seeds: at least one mission is needed")
-        self.links, self.limitation, self.record, self.discount = links, limitation, record, 1.0
+        self.seeds = seeds_of(seeds)
+        self.links, self.limitation, self.record, self.discount = links, limitation, flag("record", record), 1.0
         radio_rules(self.scenario, links, limitation)  # refuses both by name before any world is made
         ensure_compiled()
         self.worlds: list[World] = [make_world(self.scenario, seed) for seed in self.seeds]
@@ -143,6 +141,7 @@ class MissionBatch:
         Raises:
           ValueError: mission `e` is still under way, or the seed is impossible.
         """
+        whole("e", e, 0, len(self.seeds) - 1)
         if not self.state.missions["over"][e]:
             raise ValueError(f"mission {e} is still under way")
         fresh = MissionBatch(self.scenario, [seed], self.links, self.limitation, self.record)
@@ -165,9 +164,8 @@ class MissionBatch:
         Raises:
           ValueError: a decision is of the wrong shape or masked, or no such seconds; nothing has changed then.
         """
-        if isinstance(seconds, bool) or not isinstance(seconds, (int, np.integer)) or not 0 <= seconds <= LONGEST_STEP:
-            raise ValueError(f"seconds must be a whole number in 0..{LONGEST_STEP}, is {seconds!r}")
-        return self.step_legal(self._check(decisions), int(seconds))
+        seconds = whole("seconds", seconds, 0, LONGEST_STEP)
+        return self.step_legal(self._check(decisions), seconds)
 
     def step_legal(self, decisions: Decisions, seconds: int = 0) -> Observations:
         """`step` for who knows that the decisions are legal, and of the types that `Decisions` says."""
@@ -186,8 +184,7 @@ class MissionBatch:
         return self.observations
 
     def _check(self, decisions) -> Decisions:
-        if not isinstance(decisions, Decisions):
-            raise ValueError(f"decisions must be commhg_mj.Decisions, is {type(decisions).__name__}")
+        instance("decisions", decisions, Decisions)
         n, k = len(self._masks.robots), len(self._masks.operators)
         wanted = {"task": (n, np.int32), "broadcast": (n, np.bool_), "query": (n, np.int32), "assist": (n, np.bool_)}
         wanted["operator"] = (k, np.int32)
@@ -242,7 +239,7 @@ class MissionBatch:
 
 def stay(observations: Observations) -> Decisions:
     """Nobody changes anything and nobody speaks: a start for decisions of one's own."""
-    n = len(observations.robots)
+    n = len(instance("observations", observations, Observations).robots)
     return Decisions(
         task=np.where(observations.robots["can_keep"], KEEP, IDLE).astype(np.int32),
         broadcast=np.zeros(n, bool),
@@ -250,10 +247,3 @@ def stay(observations: Observations) -> Decisions:
         assist=np.zeros(n, bool),
         operator=np.where(observations.operators["can_keep"], KEEP, REST).astype(np.int32),
     )
-
-
-def check_seed(seed) -> int:
-    """The seed as an int; ValueError unless it is a whole number in 0..2^63 - 1."""
-    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or not 0 <= seed <= LARGEST_SEED:
-        raise ValueError(f"seed must be a whole number in 0..2^63 - 1, is {seed!r}")
-    return int(seed)

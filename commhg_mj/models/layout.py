@@ -10,6 +10,7 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
+from ..base.arguments import numbers
 from ..base.elementary_functions import cos, distance, sin
 from ..base.terms import Footprint
 from ..scenarios import Scenario
@@ -49,7 +50,7 @@ class Layout:
 
     def ground_height(self, xy) -> np.ndarray:
         """Height [m] of the ground at xy [..., 2]: the same triangles that rays hit and pictures show."""
-        xy = np.asarray(xy, float)
+        xy = numbers("xy", xy, ..., 2)
         height = np.zeros(xy.shape[:-1])
         for part, surface in zip(self.mountains, self.surfaces):
             half = surface_half_width(part)

@@ -11,6 +11,7 @@ A policy of one's own is made for one batch of missions, and flies wherever a na
 from collections.abc import Callable
 from typing import NamedTuple
 
+from ..base.arguments import said
 from ..base.registries import Registry
 from ..mission.batch import MissionBatch
 from ..scenarios import Scenario, load_scenario
@@ -45,7 +46,7 @@ def policy(name: str, is_privileged: bool = False) -> Callable[[Callable], Calla
       ValueError: no name, or that of a reference.
     """
     if not isinstance(name, str) or not name or name in REFERENCES:
-        raise ValueError(f"policy {name!r}: the name must be a word other than {', '.join(REFERENCES)}")
+        raise ValueError(f"policy {said(name)}: the name must be a word other than {', '.join(REFERENCES)}")
 
     def register(make):
         POLICIES[name] = PolicyInfo(make, is_privileged)

@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 from scipy.optimize import brentq
 
+from ..base.arguments import one_of
 from ..base.kernels import record
 from ..base.registries import Registry
 from ..scenarios import LIMITATIONS, Scenario
@@ -86,8 +87,7 @@ def radio_rules(scenario: Scenario, links: str, limitation: str) -> np.void:
       ValueError: unknown link model or limitation; the message names it.
     """
     model = find_link_model(links)
-    if limitation not in LIMITATIONS:
-        raise ValueError(f"unknown limitation {limitation!r}: use {', '.join(LIMITATIONS)}")
+    one_of("limitation", limitation, LIMITATIONS)
     level, transport, radio = LIMITATIONS.index(limitation), scenario.communication, scenario.radio
     decays = radio.fitted_forest_decay, radio.fitted_mountain_decay
     if model != LinkModel.ABSTRACT_FIT:
