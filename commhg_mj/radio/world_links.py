@@ -3,6 +3,7 @@
 import numpy as np
 
 from ..base.kernels import kernel
+from ..base.terms import Embodiment
 from ..models.world import World
 from .link_models import LINK, radio_rules
 from .links import fates, is_in_range, is_spatial, measure
@@ -38,11 +39,13 @@ class WorldLinks:
 
     def antennas(self, xy, height) -> np.ndarray:
         """[n, 3] antennas at xy [n, 2], so many metres above the ground there."""
-        return np.concatenate([xy, (self.world.layout.ground_height(xy) + height)[:, None]], axis=1)
+        return np.c_[xy, self.world.layout.ground_height(xy) + height]
 
     def robot_antennas(self, xy, embodiment) -> np.ndarray:
         """[n, 3] antennas of robots at xy [n, 2], of one embodiment or of [n] ones."""
-        return self.antennas(xy, self.rules["antenna"][embodiment])
+        layout, is_uav = self.world.layout, np.asarray(embodiment) == Embodiment.UAV
+        base = np.where(is_uav, layout.flight_floor(xy), layout.ground_height(xy))
+        return np.c_[xy, base + self.rules["antenna"][embodiment]]
 
     @property
     def mast(self) -> np.ndarray:
