@@ -43,7 +43,7 @@ RADIO = record(
     is_bullington="i8",
     shadowing="f8",  # dB
     shadowing_length="f8",  # m
-    antenna=("f8", (2,)),  # m above the ground below a (UAV, UGV)
+    antenna=("f8", (2,)),  # m: a UAV's above the floor of flights, a UGV's above the ground (models/terrain.py)
     mast="f8",  # m above the ground
     share_at="i8",  # address of a user's own function, of use in its process alone; 0: a built-in model
 )
