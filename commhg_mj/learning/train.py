@@ -15,6 +15,7 @@ import torch
 from ..base.arguments import LARGEST_SEED, instance, missions_of, path_of, whole
 from ..base.files import whole_file
 from ..policies import POLICIES
+from ..radio import DEFAULT_LINKS
 from ..scenarios import Scenario, from_json, to_json
 from .critic import ReturnScale
 from .distributed import ALONE, ProcessGroup, WorkerEnded
@@ -39,7 +40,7 @@ class Plan:
     method: str
     scenario: Scenario
     seed: int = 0
-    links: str = "abstract"
+    links: str = DEFAULT_LINKS
     limitation: str = "nominal"
     missions: int = 3000  # to fly in all
     side_by_side: int = 32

@@ -9,7 +9,7 @@ from ..base.arguments import flag, instance, seeds_of, whole
 from ..base.kernels import ensure_compiled, kernel
 from ..base.terms import IDLE, KEEP, NOBODY, REST
 from ..models.world import World, make_world
-from ..radio.link_models import OWN_MODELS, radio_rules
+from ..radio.link_models import DEFAULT_LINKS, OWN_MODELS, radio_rules
 from ..scenarios import Scenario, load_scenario
 from .accessors import operator_of, robot_of
 from .decide import (
@@ -93,7 +93,7 @@ class MissionBatch:
       ValueError: an argument is impossible; the message names it.
     """
 
-    def __init__(self, scenario, seeds, links="abstract", limitation="nominal", record=False):
+    def __init__(self, scenario, seeds, links=DEFAULT_LINKS, limitation="nominal", record=False):
         self.scenario: Scenario = load_scenario(scenario)
         self.seeds = seeds_of(seeds)
         self.links, self.limitation, self.record, self.discount = links, limitation, flag("record", record), 1.0

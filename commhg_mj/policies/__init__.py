@@ -14,6 +14,7 @@ from typing import NamedTuple
 from ..base.arguments import said
 from ..base.registries import Registry
 from ..mission.batch import MissionBatch
+from ..radio import DEFAULT_LINKS
 from ..scenarios import Scenario, load_scenario
 from . import warm  # noqa: F401  says what the first start runs
 from .greedy import Greedy
@@ -87,7 +88,7 @@ def label_of(name: str) -> str:
 
 
 def prepare(
-    name: str, scenario, seeds, links="abstract", limitation="nominal", record=False
+    name: str, scenario, seeds, links=DEFAULT_LINKS, limitation="nominal", record=False
 ) -> tuple[MissionBatch, Callable]:
     """(batch, policy) for missions of a scenario; a privileged policy gets its idealised conditions."""
     info = find_policy(name)

@@ -25,6 +25,7 @@ class LinkModel(IntEnum):
 LINK_MODELS = {model.name.lower().replace("_", "-"): model for model in LinkModel if model != LinkModel.CUSTOM}  # built in
 # Addresses of functions in this process (radio/custom.py):
 OWN_MODELS = Registry("link model", "commhg_mj.link_models", beside=LINK_MODELS)
+DEFAULT_LINKS = "raycast"  # of every command, interface and training: geometry first
 RAY_MODELS = (LinkModel.RAYCAST, LinkModel.RAYCAST_SHUFFLED)
 
 RADIO = record(
