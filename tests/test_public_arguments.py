@@ -184,7 +184,7 @@ TABLE = {
     lambda v: save_trace(v, "trace.npz"): ("trace", OBJECT),
     lambda v: save_trace(trace(), v): ("path", PATH),
     commhg_mj.load_trace: ("path", PATH),
-    lambda v: trace().twcr_until(v): ("t", (*NUMBERS[:-2], -1)),
+    lambda v: trace().twcr_until(v): ("t", NUMBERS[:-2]),
     Replayer: ("trace", OBJECT),
     lambda v: Replayer(trace(), v): ("policy", WORD[1:]),
     lambda v: list(Replayer(trace()).decisions(v)): ("until", (*NUMBERS[:-2], -1)),
