@@ -95,7 +95,7 @@ class Trace:
 
     def twcr_until(self, t: float) -> float:
         """The Timely Weighted Completion Ratio (paper, eq. 5) of what was completed by second t."""
-        done = np.where(self.task_done <= number("t", t, 0, np.inf), self.task_done, -1.0)
+        done = np.where(self.task_done <= number("t", t, -np.inf, np.inf), self.task_done, -1.0)
         return twcr(self.task_value, self.task_deadline, self.task_decay, done)
 
     def twcr(self) -> float:

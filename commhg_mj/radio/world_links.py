@@ -35,11 +35,11 @@ class WorldLinks:
         a, b = numbers("a", a, None, 3), numbers("b", b, None, 3)
         if len(a) != len(b) and 1 not in (len(a), len(b)):
             raise ValueError(f"a and b must be as many antennas, or one of them, are {len(a)} and {len(b)}")
-        return self._measure(a, b, size, True)
+        return self._measure(a, b, positive("size", size), True)
 
     def to_station(self, a, size) -> np.ndarray:
         """Links from antennas to the station's mast, or back, for messages of `size` [B]."""
-        return self._measure(numbers("a", a, None, 3), self.mast[None], size, False)
+        return self._measure(numbers("a", a, None, 3), self.mast[None], positive("size", size), False)
 
     def antennas(self, xy, height) -> np.ndarray:
         """[n, 3] antennas at xy [n, 2], so many metres above the ground there, one height or [n]."""
@@ -63,12 +63,12 @@ class WorldLinks:
         return self.antennas(self.world.layout.station[None], self.rules["mast"])[0]
 
     def _measure(self, a, b, size, is_robot_link):
-        size, (a, b) = positive("size", size), np.broadcast_arrays(a, b)
+        a, b = np.broadcast_arrays(a, b)
         links = np.zeros(len(a), LINK)
         for name in LINK.names or ():
             links[name] = np.nan
         ends = np.ascontiguousarray(a), np.ascontiguousarray(b)
-        measure_links(self.rules, self.obstacles, *ends, size, is_robot_link, links)
+        measure_links(self.rules, self.obstacles, *ends, float(size), is_robot_link, links)
         return links
 
 

@@ -14,7 +14,7 @@ from ..replay.communication import FIGURES, fly_and_listen
 
 def evaluate(scenario, policies, n_missions, links, limitation, workers, advance) -> dict:
     """{policy: score and figures of communication of each of the same held-out missions}."""
-    policies, seeds = names("policies", policies), range(HELD_OUT, HELD_OUT + missions_of("n_missions", n_missions))
+    policies, seeds = names("policy", policies), range(HELD_OUT, HELD_OUT + missions_of("n_missions", n_missions))
     for policy in policies:
         find_policy(policy)  # refuses a bad one before anything flies
     return {policy: fly_and_listen(scenario, policy, seeds, links, limitation, workers, advance) for policy in policies}

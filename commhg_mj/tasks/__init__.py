@@ -14,12 +14,19 @@ HOMES = {
     "COLUMNS": "columns", "MissionEnv": "gym", "MissionVectorEnv": "vector", "parallel_env": "parallel", "Team": "team",
 }  # fmt: skip
 __all__ = list(HOMES)
+# From Python 3.13 on plain pip leaves dm_control out: it requires labmaze, which cannot be had there and which we do not need.
+NO_DM_CONTROL = "the dm_control face needs dm_control: pip install --no-deps dm_control==1.0.50"
 
 
 def __getattr__(name):
     if name not in HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module(f".{HOMES[name]}", __name__), name)
+    try:
+        return getattr(importlib.import_module(f".{HOMES[name]}", __name__), name)
+    except ModuleNotFoundError as error:
+        if str(error.name).partition(".")[0] != "dm_control":
+            raise
+        raise ModuleNotFoundError(NO_DM_CONTROL, name="dm_control") from None
 
 
 def __dir__():

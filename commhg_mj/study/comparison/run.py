@@ -72,7 +72,7 @@ def compare(
 
 
 def _check(policies):
-    policies = names("policies", policies)
+    policies = names("policy", policies)
     for policy in policies:
         if find_policy(policy).is_privileged:
             raise ValueError(f"policy {policy!r} communicates for free: there are no links to compare")
