@@ -193,6 +193,17 @@ def test_a_trained_method_may_lack_something(tmp_path):
         policies.find_policy("commhg+nothing")
 
 
+def test_weights_that_come_along_fly_by_their_methods_name_and_are_retired_without_them(tmp_path, monkeypatch):
+    for name in ("commhg", "commhg+no-query"):
+        with pytest.raises(ValueError, match=r"^commhg: its weights were trained under older rules .* by their path$"):
+            policies.find_policy(name)
+    monkeypatch.setattr(pretrained, "WEIGHTS", tmp_path)
+    save_weights(untrained("commhg"), tmp_path / "commhg-medium.safetensors", {})
+    assert fly_missions(SHORT, "commhg", [1]) == fly_missions(SHORT, str(tmp_path / "commhg-medium.safetensors"), [1])
+    with pytest.raises(ValueError, match="unknown policy 'mappo'"):
+        policies.find_policy("mappo")
+
+
 def test_labels_differ_when_weights_do(tmp_path):
     paths = [tmp_path / run / "seed0" / "weights.safetensors" for run in ("e1", "e2")]
     for path, seed in zip(paths, (0, 1)):
