@@ -7,19 +7,18 @@
 >>> [score.twcr for score in missions.scores()]
 """
 
-from numbers import Integral
-
+from .base.arguments import check_seed, missions_of
 from .base.terms import IDLE, KEEP, NOBODY, REST
 from .base.version import __version__  # noqa: F401
 from .learning import pretrained  # noqa: F401  learned policies are found by name, too
-from .mission.batch import MissionBatch, check_seed, stay
+from .mission.batch import MissionBatch, stay
 from .mission.decide import Decisions
 from .mission.observe import Observations
 from .mission.score import Score
 from .mission.trace import Trace, load_trace, make_traces, save_trace
 from .models.world import World, make_world
 from .policies import POLICIES, PolicyInfo, policy
-from .radio import LINK_MODELS, link_model
+from .radio import DEFAULT_LINKS, LINK_MODELS, link_model
 from .radio.world_links import WorldLinks
 from .scenarios import LIMITATIONS, SCENARIOS, Scenario, load_scenario, with_heightmap
 from .tasks.registration import register_missions
@@ -34,12 +33,10 @@ __all__ = [
 ]  # fmt: skip
 
 
-def make_vec(scenario, num_missions=1, seed=0, links="abstract", limitation="nominal", record=False) -> MissionBatch:
+def make_vec(scenario, num_missions=1, seed=0, links=DEFAULT_LINKS, limitation="nominal", record=False) -> MissionBatch:
     """Missions with the seeds `seed`, `seed + 1`, …, stepped together to their next decision epochs.
 
     Args and errors as for `MissionBatch`.
     """
-    if isinstance(num_missions, bool) or not isinstance(num_missions, Integral) or num_missions < 1:
-        raise ValueError(f"num_missions must be a whole number of at least 1, is {num_missions!r}")
-    seed, n = check_seed(seed), int(num_missions)
+    seed, n = check_seed(seed), missions_of("num_missions", num_missions)
     return MissionBatch(scenario, range(seed, seed + n), links, limitation, record)

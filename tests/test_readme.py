@@ -69,7 +69,7 @@ def test_every_field_of_a_link_is_explained():
 
 def test_the_blocks_of_the_worlds_page_make_one_world(tmp_path, monkeypatch, capsys):
     text = (ROOT / "docs/worlds.md").read_text(encoding="utf-8")
-    (code,), (table,) = (re.findall(rf"^```{kind}\n(.*?)^```$", text, re.M | re.S) for kind in ("python", "toml"))
+    (code, robots), (table,) = (re.findall(rf"^```{kind}\n(.*?)^```$", text, re.M | re.S) for kind in ("python", "toml"))
     monkeypatch.chdir(tmp_path)
     made = {}
     exec(code, made)
@@ -79,6 +79,8 @@ def test_the_blocks_of_the_worlds_page_make_one_world(tmp_path, monkeypatch, cap
     for one in (scenario.world, made["scenario"].world):
         assert (one.heightmap, one.mountain_height[1]) == (scenario.world.heightmap, 170)
     assert made["missions"].worlds[0].layout.surfaces.max() > 150
+    exec(robots, {})
+    assert capsys.readouterr().out == "the car rests 0.20 m above the plain\n"
 
 
 def test_the_methods_block_registers_one():
@@ -129,7 +131,7 @@ def test_every_command_parses(line):
     policies, scenario = getattr(command, "policy", None) or (), getattr(command, "scenario", "all")
     policies = {policies} if isinstance(policies, str) else set(policies)
     known = (*POLICIES, *trained_methods())
-    assert all(split_variant(policy)[0] in known or policy.endswith("/weights.safetensors") for policy in policies)
+    assert all(policy in known or policy.endswith("/weights.safetensors") for policy, _ in map(split_variant, policies))
     assert scenario in (*SCENARIOS, "all") or scenario.endswith(".toml")
 
 

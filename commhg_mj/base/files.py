@@ -6,6 +6,9 @@ import secrets
 from collections.abc import Iterator
 from pathlib import Path
 
+from filelock import FileLock, Timeout
+
+LOCK = ".lock"  # stays in a folder that was held, empty
 _parts = set()  # under way in this process
 
 
@@ -20,15 +23,42 @@ def whole_file(out) -> Iterator[Path]:
     part = target.with_name(f".{secrets.token_hex(8)}.part{Path(out).suffix}")  # fits wherever the name of `out` does
     _parts.add(part)
     try:
-        part.touch()
-        yield part
-        os.replace(part, target)
-    except OSError as error:
-        raise ValueError(f"cannot write {out}: {error.strerror or error}") from None
+        with naming(out):
+            part.touch()
+            yield part
+            os.replace(part, target)
     finally:
         with contextlib.suppress(OSError):
             part.unlink(missing_ok=True)
         _parts.discard(part)
+
+
+@contextlib.contextmanager
+def naming(out) -> Iterator[None]:
+    """Let a file or folder that cannot be written, be it for a full disk, be named in one line, as a ValueError."""
+    try:
+        yield
+    except OSError as error:
+        raise ValueError(f"cannot write {out}: {error.strerror or error}") from None
+
+
+@contextlib.contextmanager
+def held(folder) -> Iterator[None]:
+    """A folder for this process alone, within a block or until it is killed.
+
+    Raises:
+      ValueError: another process holds it, or it cannot be written to; the message names it.
+    """
+    lock = FileLock(Path(folder) / LOCK)
+    with naming(folder):
+        try:
+            lock.acquire(timeout=0)
+        except Timeout:
+            raise ValueError(f"{folder} is in use by another process") from None
+    try:
+        yield
+    finally:
+        lock.release()
 
 
 def target_of(out) -> Path:

@@ -14,6 +14,8 @@ from collections.abc import Callable
 from importlib.metadata import entry_points
 from typing import Any
 
+from .arguments import said
+
 
 class Registry(dict):
     """Things of one kind by name, in the order in which they came; `find` looks into installed packages, too.
@@ -44,7 +46,7 @@ class Registry(dict):
             for point in entry_points(group=self.group, name=name):
                 self._load(point)
         if not isinstance(name, str) or name not in self:
-            raise ValueError(f"unknown {self.kind} {name!r}: use {', '.join(self.names())}{also}")
+            raise ValueError(f"unknown {self.kind} {said(name)}: use {', '.join(self.names())}{also}")
         return self[name]
 
     def names(self) -> list[str]:

@@ -27,7 +27,7 @@ def main(arguments=None) -> int:
     """Run one command; the exit code is 2 for bad input, 130 after an interrupt, 143 after SIGTERM."""
     try:
         with interruptible():
-            tyro.cli(Command, prog="commhg-mj", description=DESCRIPTION, args=arguments)()
+            parse(sys.argv[1:] if arguments is None else arguments)()
             sys.stdout.flush()
     except BrokenPipeError:  # the reader of our output, such as head, has gone
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -39,3 +39,11 @@ def main(arguments=None) -> int:
         say(str(interrupt) or "interrupted", LOG)
         return 143 if isinstance(interrupt, Terminated) else 130
     return 0
+
+
+def parse(arguments) -> Command:
+    """The command that is asked for; in place of options that are not given, a resumed run has its own."""
+    command = tyro.cli(Command, prog="commhg-mj", description=DESCRIPTION, args=arguments)
+    if isinstance(command, Train) and command.resume:
+        return tyro.cli(Train, prog="commhg-mj train", default=command.as_begun(), args=arguments[1:])
+    return command

@@ -1,15 +1,17 @@
 """What commands share: where they print, progress bars, checks of their options."""
 
 import contextlib
+import dataclasses
 import os
 import sys
+import tempfile
 from collections.abc import Callable, Iterator
 from typing import Literal
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from ..base.files import target_of
+from ..base.files import naming, target_of
 
 for name in ("stdout", "stderr"):
     if getattr(sys, name) is None:  # the caller has closed it: what is printed there goes nowhere
@@ -51,6 +53,17 @@ def at_least(name, value, least) -> None:
         raise ValueError(f"--{name} must be at least {least}, is {value}")
 
 
+def without_effect(command, beside, **names) -> None:
+    """Refuse options of other than their default values that have no effect beside another one.
+
+    Args:
+      names: fields of the command, each with its option's name.
+    """
+    for field in dataclasses.fields(command):
+        if field.name in names and getattr(command, field.name) != field.default:
+            raise ValueError(f"--{names[field.name]} has no effect beside --{beside}")
+
+
 def check_png(out) -> None:
     """Refuse a picture by any other ending, or where there can be none."""
     if out is not None and out.suffix.lower() != ".png":
@@ -61,7 +74,8 @@ def check_png(out) -> None:
 def check_file(out) -> None:
     """Refuse before the work what `whole_file` would refuse after it."""
     if out is not None:
-        target_of(out)
+        with naming(out), tempfile.TemporaryFile(dir=target_of(out).parent):
+            pass
 
 
 def load_mujoco() -> None:
@@ -72,6 +86,15 @@ def load_mujoco() -> None:
         needs = "libegl1 libgl1-mesa-dri libopengl0 (MUJOCO_GL=egl) or libosmesa6 (MUJOCO_GL=osmesa)"
         backend = os.environ.get("MUJOCO_GL")
         raise RuntimeError(f"MUJOCO_GL={backend} does not work here ({error}): install {needs}, or unset it") from None
+
+
+def check_folder(out) -> None:
+    """Refuse before the work what `make_folder` would refuse after it."""
+    there = next(path for path in (out, *out.absolute().parents) if path.exists())
+    if not there.is_dir():
+        raise ValueError(f"--out {out}: {there} is no folder")
+    if not os.access(there, os.W_OK):
+        raise ValueError(f"--out {out}: permission denied")
 
 
 def make_folder(path) -> None:

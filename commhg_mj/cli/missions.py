@@ -6,13 +6,13 @@ from typing import Annotated
 
 import tyro
 
+from ..base.arguments import check_seed
 from ..flights.fly import fly, trace_path
-from ..mission.batch import check_seed
 from ..mission.trace import load_trace
 from ..policies import find_policy
-from ..radio import find_link_model
+from ..radio import DEFAULT_LINKS, find_link_model
 from ..scenarios import load_scenario, with_profile
-from .console import LOG, OUT, Limitation, Profile, at_least, load_mujoco, make_folder, parse_size, progress, say
+from .console import LOG, OUT, Limitation, Profile, at_least, load_mujoco, make_folder, parse_size, progress, say, without_effect
 
 
 @dataclass(frozen=True)
@@ -29,8 +29,8 @@ class Run:
     """how many"""
     limitation: Limitation = "nominal"
     """of communication"""
-    links: str = "abstract"
-    """link model: abstract, abstract-fit, raycast, raycast-shuffled (a control), or perfect (free, idealised)"""
+    links: str = DEFAULT_LINKS
+    """link model: raycast, abstract (the paper's, planar), abstract-fit, raycast-shuffled (a control), or perfect (idealised)"""
     radio_profile: Profile | None = None
     """calibration of the ray-cast model; by default the scenario's"""
     workers: int = 1
@@ -106,6 +106,10 @@ class Render:
         load_mujoco()
         from ..render import check_same_mission, render_image, render_video
 
+        if self.at is not None:
+            without_effect(self, "at", start="from", stop="to", fps="fps", speed="speed")
+        if self.coverage is None and self.coverage_height != Render.coverage_height:
+            raise ValueError("--coverage-height has no effect without --coverage")
         traces, size = tuple(map(load_trace, self.traces)), self.size and parse_size(self.size)
         if len(traces) == 2:
             check_same_mission(*traces, self.traces)  # here by their files' names

@@ -6,11 +6,11 @@ from typing import Annotated
 
 import tyro
 
+from ..base.arguments import check_seed
 from ..flights.held_out import HELD_OUT
-from ..mission.batch import check_seed
 from ..mission.trace import load_trace
 from ..scenarios import SCENARIOS, load_scenario, with_profile
-from .console import OUT, Limitation, Profile, at_least, check_png, load_mujoco, progress, say
+from .console import OUT, Limitation, Profile, at_least, check_png, load_mujoco, progress, say, without_effect
 
 
 @dataclass(frozen=True)
@@ -46,6 +46,8 @@ class Links:
 
         check_png(self.out)
         trace = load_trace(self.trace) if self.trace else None
+        if trace:
+            without_effect(self, "trace", scenario="scenario", seed="seed", limitation="limitation")
         scenario = with_profile(trace.scenario if trace else load_scenario(self.scenario), self.radio_profile)
         seed, limitation = (trace.seed, trace.limitation) if trace else (check_seed(self.seed), self.limitation)
         places = [parse_endpoint(self.start, scenario, "from"), parse_endpoint(self.end, scenario, "to")]

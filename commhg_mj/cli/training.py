@@ -8,10 +8,11 @@ from typing import Literal
 
 import tyro
 
+from ..base.files import held
 from ..base.kernels import ensure_compiled
-from ..radio import find_link_model
+from ..radio import DEFAULT_LINKS, find_link_model
 from ..scenarios import load_scenario
-from .console import LOG, OUT, Limitation, at_least, check_file, make_folder, progress, say
+from .console import LOG, OUT, Limitation, at_least, check_file, check_folder, make_folder, progress, say
 
 
 @dataclass(frozen=True)
@@ -27,7 +28,7 @@ class Train:
     seed: int = 0
     """of networks, choices and training missions"""
     missions: int = 4000
-    """to fly in all; the learning rate falls towards the last"""
+    """to fly in all; the learning rate falls towards the last; more of them lengthen a run that is resumed"""
     minutes: float | None = None
     """stop after so many minutes of CPU, wherever the run stands; those of the weights it began with count too"""
     side_by_side: int = 32
@@ -42,86 +43,83 @@ class Train:
     """what the trace decays by: an actor's decisions, or the seconds between them"""
     init: str = ""
     """weights to begin with, in place of imitating Greedy; or small-to-large: learn on every smaller scenario first"""
-    links: str = "abstract"
+    links: str = DEFAULT_LINKS
     """link model"""
     limitation: Limitation = "nominal"
     """of communication"""
     resume: bool = False
-    """go on with the run in --out; its own options count, but for --minutes, --device and --tensorboard"""
+    """go on with the run in --out, by its own options; --missions lengthens it"""
     tensorboard: bool = False
     """insist on TensorBoard's scalars, which go into --out whenever that package is installed"""
 
     def __call__(self):
-        from ..learning.curriculum import follow, read_plan, trainings
-        from ..learning.distributed import process_group
         from ..learning.ppo import check_device
         from ..learning.run_log import find_writer
+        from .training_plans import begin, lengthened, new_plan
 
         if self.minutes is not None and not self.minutes > 0:
             raise ValueError(f"--minutes must be more than 0, is {self.minutes}")
         if self.tensorboard and find_writer() is None:
             raise ValueError("--tensorboard: the package is not installed: pip install 'commhg_mj[tensorboard]'")
         check_device(self.device)
-        plan = read_plan(self.out) if self.resume else self._begin()
-        seconds = float("inf") if self.minutes is None else 60.0 * self.minutes
+        if self.resume:
+            with held(self.out):
+                return self._train(lengthened(self))
+        plan = new_plan(self)
+        make_folder(self.out)
+        with held(self.out):
+            self._train(begin(plan, self.out))
+
+    def as_begun(self) -> "Train":
+        """With the options that the run in --out was begun with."""
+        from ..learning.curriculum import read_plan
+        from .training_plans import options_of
+
+        return dataclasses.replace(self, **options_of(read_plan(self.out)))
+
+    def _train(self, plan):
+        from ..learning.curriculum import follow, trainings
+        from ..learning.distributed import process_group
+
+        seconds, updates = float("inf") if self.minutes is None else 60.0 * self.minutes, 0
         if plan.workers > 1:
             ensure_compiled()  # once, not in every process
         try:
             with process_group(plan.workers, follow, plan, self.out, seconds, self.device) as group:
                 for training in trainings(plan, self.out, group, self.device):
-                    self._run(training, seconds)
+                    updates += self._run(training, seconds)
         except KeyboardInterrupt as interrupt:
             again = f"commhg-mj train --resume --out {shlex.quote(str(self.out))}"
             again += f" --device {self.device}" if self.device != "cpu" else ""
             what = str(interrupt) or "interrupted"
             raise type(interrupt)(f"{what}; to go on from the last whole update: {again}") from None
-
-    def _begin(self):
-        """The plan of a new run, whose folder is made once everything else is known to be right."""
-        from ..learning.curriculum import PLAN, SMALL_TO_LARGE, smaller, write_plan
-        from ..learning.ppo import Hyper
-        from ..learning.registry import find_method
-        from ..learning.train import STATE, Plan, begin_with, check_training_seed
-
-        if (self.out / PLAN).exists() or (self.out / STATE).exists():
-            raise ValueError(f"--out {self.out} holds a run already: --resume continues it")
-        method, scenario = find_method(self.method)(), load_scenario(self.scenario)
-        find_link_model(self.links)
-        check_training_seed(self.seed)
-        for name in ("missions", "workers"):
-            at_least(name, getattr(self, name), 1)
-        at_least("side-by-side", self.side_by_side, self.workers)
-        if not 0 <= self.lam <= 1:
-            raise ValueError(f"--lam must be from 0 to 1, is {self.lam}")
-        init = "" if self.init == SMALL_TO_LARGE and not smaller(scenario) else self.init
-        if init not in ("", SMALL_TO_LARGE):
-            begin_with(method, init)
-        plan = Plan(
-            self.method, scenario, self.seed, self.links, self.limitation, self.missions,
-            self.side_by_side, self.workers, init=init,
-            hyper=Hyper.of(scenario.n_robots, bool(init), lam=self.lam, trace=self.trace),
-        )  # fmt: skip
-        make_folder(self.out)
-        write_plan(plan, self.out)
-        return plan
+        if not updates:
+            why = f"all {plan.missions} missions are flown: more --missions" if training.is_done else "more --minutes"
+            say(f"nothing was left to do: {why} make the run longer")
 
     def _run(self, training, seconds):
+        """Train, and say how it goes; returns the number of updates."""
         from ..learning.train import WEIGHTS
 
-        plan, shown = training.plan, 0
+        plan, shown, before = training.plan, 0, training.updates
         with progress(f"{plan.method} on {plan.scenario.name}", plan.missions) as advance:
             for row in training.run(seconds):
                 advance(row["missions"] - shown)
                 shown = row["missions"]
-                line = (
-                    f"update {row['update']:4d}  missions {row['missions']:5d}/{plan.missions}  TWCR {row['twcr']:.3f}  "
-                    f"KL {row['kl']:.4f}  entropy {row['entropy']:.3f}  {row['rate']:5.0f} decisions/CPU-s"
-                )
-                if row["validation"] == row["validation"]:  # not every update flies them
-                    line += f"  validation {row['validation']:.3f}, Greedy {training.validation.greedy:.3f}"
-                say(line, LOG)
+                say(_line(row, plan.missions, training.validation), LOG)
         minutes = (training.cpu_seconds + training.cpu_before) / 60
         say(f"{training.folder / WEIGHTS} after {minutes:.0f} CPU-minutes in all")
+        return training.updates - before
+
+
+def _line(row, missions, validation):
+    line = (
+        f"update {row['update']:4d}  missions {row['missions']:5d}/{missions}  TWCR {row['twcr']:.3f}  "
+        f"KL {row['kl']:.4f}  entropy {row['entropy']:.3f}  {row['rate']:5.0f} decisions/CPU-s"
+    )
+    if row["validation"] != row["validation"]:  # not every update flies them
+        return line
+    return f"{line}  validation {row['validation']:.3f}, Greedy {validation.greedy:.3f}"
 
 
 @dataclass(frozen=True)
@@ -134,7 +132,7 @@ class Evaluate:
     """small, medium, large, or a TOML file that overrides one of them"""
     missions: int = 200
     """how many"""
-    links: str = "abstract"
+    links: str = DEFAULT_LINKS
     """link model"""
     limitation: Limitation = "nominal"
     """of communication"""
@@ -173,7 +171,7 @@ class Publish:
     """folder that gets METHOD-SCENARIO.safetensors and .md"""
     missions: int = 200
     """how many"""
-    links: str = "abstract"
+    links: str = DEFAULT_LINKS
     """link model"""
     limitation: Limitation = "nominal"
     """of communication"""
@@ -190,6 +188,7 @@ class Publish:
         find_link_model(self.links)
         at_least("missions", self.missions, 2)
         at_least("workers", self.workers, 1)
+        check_folder(self.out)
         with progress("flying", self.missions * 5) as advance:
             name, card = make_card(path, self.missions, self.links, self.limitation, self.workers, advance)
         make_folder(self.out)

@@ -6,7 +6,7 @@ from pathlib import Path
 import tyro
 from rich.table import Column, Table
 
-from ..mission.batch import check_seed
+from ..base.arguments import check_seed
 from ..scenarios import SCENARIOS, describe, load_scenario
 from .console import OUT, check_file, load_mujoco, say, show
 
@@ -38,6 +38,8 @@ class World:
     """of the mission"""
     out: Path = Path("world.xml")
     """FILE.xml; its textures go into a folder beside it"""
+    collide: bool = False
+    """gravity, and ground, mountains and trunks that hold bodies of your own; without, they fall through"""
 
     def __call__(self):
         load_mujoco()
@@ -46,7 +48,7 @@ class World:
 
         check_file(self.out)
         check_seed(self.seed)
-        write_world(make_world(load_scenario(self.scenario), self.seed), self.out)
+        write_world(make_world(load_scenario(self.scenario), self.seed), self.out, self.collide)
         say(f"wrote {self.out}")
 
 

@@ -6,6 +6,7 @@ from functools import partial
 from itertools import chain
 from pathlib import Path
 
+from ..base.arguments import path_of, seeds_of, workers_of
 from ..base.files import target_of
 from ..base.kernels import ensure_compiled
 from ..base.processes import pool_of
@@ -13,9 +14,10 @@ from ..mission.batch import MissionBatch
 from ..mission.score import Score
 from ..mission.trace import load_head, make_traces, save_trace
 from ..policies import conditions_of, label_of, prepare
-from ..scenarios import Scenario
+from ..radio import DEFAULT_LINKS
+from ..scenarios import Scenario, load_scenario
 
-DEFAULTS = ("abstract", "matched", "nominal")
+DEFAULTS = (DEFAULT_LINKS, "matched", "nominal")
 CHUNK = 16  # missions that one call flies side by side: memory and progress stay fine-grained
 
 
@@ -43,7 +45,7 @@ def check_traces(folder, scenario: Scenario, policy: str, links: str, limitation
 
 
 def fly(
-    scenario: Scenario, policy: str, seeds, links="abstract", limitation="nominal", out=None, workers=1,
+    scenario: Scenario, policy: str, seeds, links=DEFAULT_LINKS, limitation="nominal", out=None, workers=1,
     advance: Callable[[float], None] = lambda missions: None,
 ) -> list[Score]:  # fmt: skip
     """Fly one mission a seed.
@@ -59,15 +61,16 @@ def fly(
     Raises:
       ValueError: an argument is impossible; the message names it.
     """
-    seeds = list(seeds)
+    scenario, seeds = load_scenario(scenario), seeds_of(seeds)
     if out is not None:
+        out = path_of("out", out)
         check_traces(out, scenario, policy, links, limitation, seeds)
     jobs = [(scenario, policy, chunk, links, limitation, out) for chunk in chunks_of(seeds)]
     return _spread_missions(_fly_chunk, jobs, workers, advance)
 
 
 def fly_recorded(
-    look: Callable, scenario: Scenario, policy: str, seeds, links="abstract", limitation="nominal", workers=1,
+    look: Callable, scenario: Scenario, policy: str, seeds, links=DEFAULT_LINKS, limitation="nominal", workers=1,
     advance: Callable[[float], None] = lambda missions: None,
 ) -> list:  # fmt: skip
     """`look(trace)` of one recorded mission a seed, in the order of the seeds; traces are not kept."""
@@ -86,12 +89,12 @@ def _spread_missions(work, jobs, workers, advance) -> list:
 
 def is_alone(jobs: list[tuple], workers: int) -> bool:
     """Whether this process does all the work."""
-    return workers == 1 or len(jobs) <= 1
+    return workers_of(workers) == 1 or len(jobs) <= 1
 
 
 def chunks_of(seeds) -> list[list[int]]:
     """Seeds that one call flies together."""
-    seeds = list(seeds)
+    seeds = seeds_of(seeds)
     return [seeds[i : i + CHUNK] for i in range(0, len(seeds), CHUNK)]
 
 
@@ -115,7 +118,7 @@ def spread(work: Callable, jobs: list[tuple], workers=1, done: Callable = lambda
 
 
 def fly_to_end(
-    policy, scenario, seeds, links="abstract", limitation="nominal", record=False,
+    policy, scenario, seeds, links=DEFAULT_LINKS, limitation="nominal", record=False,
     advance: Callable[[float], None] = lambda missions: None,
 ) -> MissionBatch:  # fmt: skip
     """The batch of these missions when all are over; `advance` is told each hundredth of them that is flown."""

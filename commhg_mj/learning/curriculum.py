@@ -4,6 +4,7 @@ import dataclasses
 from collections.abc import Iterator
 from pathlib import Path
 
+from ..base.arguments import path_of
 from ..base.files import whole_file
 from ..scenarios import SCENARIOS, Scenario
 from .distributed import ALONE, ProcessGroup
@@ -40,6 +41,8 @@ def trainings(plan: Plan, folder, group: ProcessGroup = ALONE, device: str = "cp
         # All have looked before the first one writes, and nobody reads the stage before until it is written.
         if group.least((at / STATE).exists()):
             training = Training.resume(at, group, device)
+            if at == Path(folder):  # a run may have been lengthened; stages before it have lengths of their own
+                training.plan = dataclasses.replace(training.plan, missions=plan.missions)
         else:
             training = Training(stage, at, group=group, device=device)
             training.save()  # something to resume from, from the first moment on
@@ -67,7 +70,7 @@ def read_plan(folder) -> Plan:
     Raises:
       ValueError: there is none, or it is damaged; the message names it.
     """
-    path = Path(folder) / PLAN
+    path = path_of("folder", folder) / PLAN
     try:
         return plan_from_json(path.read_text())
     except FileNotFoundError:

@@ -20,6 +20,10 @@ class WorkerEnded(RuntimeError):
     """Another process of the group has ended before its time."""
 
 
+class NotConnected(RuntimeError):
+    """The processes of a group cannot reach one another."""
+
+
 class ProcessGroup:
     """One process's place among `size`; all of them call the same methods in the same order.
 
@@ -117,7 +121,11 @@ def _door(folder, rank):
 def _meet(folder, rank, size):
     if sys.platform == "linux":  # a host's own name may lead nowhere, and all are on this machine
         os.environ.setdefault("GLOO_SOCKET_IFNAME", "lo")
-    distributed.init_process_group("gloo", init_method=(folder / "meeting").as_uri(), rank=rank, world_size=size)
+    try:
+        distributed.init_process_group("gloo", init_method=(folder / "meeting").as_uri(), rank=rank, world_size=size)
+    except RuntimeError as error:
+        device, cause = os.environ.get("GLOO_SOCKET_IFNAME", "of this host"), str(error).partition("\n")[0].rpartition("] ")[2]
+        raise NotConnected(f"workers cannot meet over the network device {device} ({cause}): --workers 1 needs none") from error
     try:
         yield ProcessGroup(rank, size)
     finally:
@@ -128,7 +136,7 @@ def _join(folder, rank, size, work, arguments):
     end_with_parent()
     _door(folder, rank).touch()
     # What ends all of them alike is the first one's to tell.
-    with suppress(WorkerEnded, FloatingPointError, ValueError), _meet(folder, rank, size) as group:
+    with suppress(WorkerEnded, NotConnected, FloatingPointError, ValueError), _meet(folder, rank, size) as group:
         work(group, *arguments)
         # Who leaves before the first one has read its last message takes that message along.
         while parent_process().is_alive() and not _door(folder, 0).exists():

@@ -5,7 +5,9 @@ from contextlib import contextmanager
 
 import numpy as np
 import torch
+from torch import nn
 
+from ..base.arguments import flag, instance, one_of
 from ..mission.batch import MissionBatch
 from .graphs import GraphBuilder
 from .noise import Draws
@@ -41,10 +43,14 @@ class LearnedPolicy:
     """
 
     def __init__(self, method, batch: MissionBatch, is_greedy=False, variant=""):
+        instance("method", method, nn.Module)
+        instance("batch", batch, MissionBatch)
+        if not isinstance(variant, str) or variant:
+            one_of("variant", variant, list(VARIANTS))
         if variant and not method.communicates:
             raise ValueError(f"{method.name}+{variant}: {method.name} follows the fixed schedule, it has no such head")
         self.builder = GraphBuilder(batch)
-        self.actors, self.is_greedy = Actors(method, self.builder, VARIANTS.get(variant, unchanged)), is_greedy
+        self.actors, self.is_greedy = Actors(method, self.builder, VARIANTS.get(variant, unchanged)), flag("is_greedy", is_greedy)
         self.public = self.builder.public(batch.state.tasks)
         self.seeds = np.array(batch.seeds, np.uint64)
 

@@ -8,6 +8,7 @@ import numpy as np
 import torch
 from torch import nn
 
+from ..base.arguments import number, one_of, positive, whole
 from .batches import legal_picks, operator_batch, pick_robots, robot_batch
 from .critic import Agents
 from .distributed import ALONE, ProcessGroup
@@ -17,6 +18,7 @@ from .states import States
 
 # What an update is for: to imitate the choices remembered, to learn their values alone, or to choose better than they did.
 Aim = Literal["clone", "value", "improve"]
+MOST_WEIGHT = 1e6  # of a part of the loss
 
 
 @dataclass(frozen=True)
@@ -36,6 +38,15 @@ class Hyper:
     max_grad: float = 0.5
     target_kl: float = 0.03  # a minibatch beyond it ends the update
 
+    def __post_init__(self):
+        one_of("trace", self.trace, ("decision", "second"))
+        checked = {name: whole(name, getattr(self, name), 1) for name in ("epochs", "decisions", "minibatches")}
+        checked |= {name: number(name, getattr(self, name), 0, 1) for name in ("gamma", "lam")}
+        checked |= {name: number(name, getattr(self, name), 0, MOST_WEIGHT) for name in ("entropy", "value")}
+        checked |= {name: positive(name, getattr(self, name)) for name in ("clip", "learning_rate", "max_grad", "target_kl")}
+        for name, value in checked.items():
+            object.__setattr__(self, name, value)
+
     @classmethod
     def of(cls, n_robots: int, is_refining: bool, **others) -> "Hyper":
         """For a team: it shares one reward, so the more decide, the noisier each one's share of an update is.
@@ -43,7 +54,8 @@ class Hyper:
         Weights to begin with are refined: in that noise large steps and a pull to entropy would undo them.
         """
         refining = {"learning_rate": 1e-4, "entropy": 0.0} if is_refining else {}
-        return cls(decisions=min(16_384, max(cls.decisions, 2048 * n_robots)), **refining, **others)
+        decisions = min(16_384, max(cls.decisions, 2048 * whole("n_robots", n_robots, 1)))
+        return cls(decisions=decisions, **refining, **others)
 
 
 def check_device(device: str) -> None:
@@ -52,6 +64,7 @@ def check_device(device: str) -> None:
     Raises:
       ValueError: torch finds no such device.
     """
+    one_of("device", device, ("cpu", "cuda"))
     if device == "cuda" and not torch.cuda.is_available():
         raise ValueError("device: torch finds no CUDA device here: use cpu")
 

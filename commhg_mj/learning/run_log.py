@@ -3,7 +3,7 @@
 import csv
 from pathlib import Path
 
-from ..base.files import whole_file
+from ..base.files import naming, whole_file
 
 LOG = "log.csv"
 
@@ -36,7 +36,7 @@ class Log:
 
     def write(self, row: dict) -> None:
         """Append a row."""
-        with open(self.path, "a", newline="") as file:
+        with naming(self.path), open(self.path, "a", newline="") as file:
             csv.DictWriter(file, list(row)).writerow(row)
         if self.scalars:
             for name, value in row.items():

@@ -1,20 +1,21 @@
 """Training: collect, update, remember; a run is a folder, and goes on to the same bits after any interruption."""
 
 import dataclasses
+import io
 import json
 import time
 import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import torch
 
+from ..base.arguments import LARGEST_SEED, instance, missions_of, path_of, whole
 from ..base.files import whole_file
-from ..mission.batch import LARGEST_SEED
 from ..policies import POLICIES
+from ..radio import DEFAULT_LINKS
 from ..scenarios import Scenario, from_json, to_json
 from .critic import ReturnScale
 from .distributed import ALONE, ProcessGroup, WorkerEnded
@@ -39,7 +40,7 @@ class Plan:
     method: str
     scenario: Scenario
     seed: int = 0
-    links: str = "abstract"
+    links: str = DEFAULT_LINKS
     limitation: str = "nominal"
     missions: int = 3000  # to fly in all
     side_by_side: int = 32
@@ -49,8 +50,18 @@ class Plan:
     hyper: Hyper = Hyper()
 
     def __post_init__(self):
-        if not (isinstance(self.workers, int) and 1 <= self.workers <= self.side_by_side):
-            raise ValueError(f"workers must be a whole number from 1 to side_by_side ({self.side_by_side}), is {self.workers!r}")
+        instance("scenario", self.scenario, Scenario)
+        instance("hyper", self.hyper, Hyper)
+        for name in ("method", "links", "limitation", "init"):
+            instance(name, getattr(self, name), str)
+        side_by_side = missions_of("side_by_side", self.side_by_side)
+        checked = {
+            "seed": check_training_seed(self.seed), "missions": whole("missions", self.missions, 1), "side_by_side": side_by_side,
+            "workers": whole("workers", self.workers, 1, side_by_side),
+            "first_updates": whole("first_updates", self.first_updates, 0),
+        }  # fmt: skip
+        for name, value in checked.items():
+            object.__setattr__(self, name, value)
 
 
 class Training:
@@ -68,7 +79,7 @@ class Training:
 
     def __init__(self, plan: Plan, folder, state: dict | None = None, group: ProcessGroup = ALONE, device: str = "cpu"):
         torch.set_num_threads(1)
-        self.plan, self.folder, self.group = plan, Path(folder), group
+        self.plan, self.folder, self.group = instance("plan", plan, Plan), path_of("folder", folder), group
         self.rng = np.random.default_rng([plan.seed, group.rank])
         torch.manual_seed(plan.seed)
         self.method = find_method(plan.method)()
@@ -153,8 +164,10 @@ class Training:
             "optimizer": self.learner.optimizer.state_dict(), "workers": workers,
             "counts": [self.updates, self.missions, self.decisions, self.cpu_seconds, self.cpu_before],
         }  # fmt: skip
+        content = io.BytesIO()  # torch's own writer does not say what is wrong with a file
+        torch.save(state, content)
         with whole_file(self.folder / STATE) as draft:
-            torch.save(state, draft)
+            draft.write_bytes(content.getbuffer())
 
     def facts(self) -> dict:
         """What a model card says of the training."""
@@ -175,7 +188,7 @@ class Training:
           ValueError: there is none, or it is damaged or foreign, or another group's; the message names it.
         """
         check_device(device)
-        path = Path(folder) / STATE
+        path = path_of("folder", folder) / STATE
         with _naming(path):
             with zipfile.ZipFile(path) as archive:
                 if archive.testzip():  # torch does not look at the archive's checksums
@@ -203,11 +216,9 @@ def _naming(path):
         raise ValueError(f"{path} is damaged or no training ({type(error).__name__})") from error
 
 
-def check_training_seed(seed: int) -> None:
-    """ValueError unless the missions of a training with this seed have seeds themselves."""
-    most = LARGEST_SEED // TRAINING_SEEDS - 2
-    if not 0 <= seed <= most:
-        raise ValueError(f"seed of a training must be a whole number in 0..{most}, is {seed}")
+def check_training_seed(seed: int) -> int:
+    """The seed as an int; ValueError unless the missions of a training with it have seeds themselves."""
+    return whole("seed of a training", seed, 0, LARGEST_SEED // TRAINING_SEEDS - 2)
 
 
 def begin_with(method, path) -> float:

@@ -1,13 +1,13 @@
 """Trained weights: one safetensors file that says what it holds; loading executes no code."""
 
 import json
-from pathlib import Path
 
 import torch
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 from torch import nn
 
+from ..base.arguments import path_of
 from ..base.files import whole_file
 from .features import GROUPS
 from .registry import find_method
@@ -41,7 +41,7 @@ def load_weights(path) -> tuple[nn.Module, dict]:
     Raises:
       ValueError: it is missing, damaged, of another format, of unknown features or of an unknown method; names the file.
     """
-    path = Path(path)
+    path = path_of("path", path)
     try:
         with safe_open(path, "pt") as file:
             metadata = file.metadata() or {}

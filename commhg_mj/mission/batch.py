@@ -5,10 +5,11 @@ Every API of the package and training go through this class and its kernels.
 
 import numpy as np
 
+from ..base.arguments import flag, instance, seeds_of, whole
 from ..base.kernels import ensure_compiled, kernel
 from ..base.terms import IDLE, KEEP, NOBODY, REST
 from ..models.world import World, make_world
-from ..radio.link_models import OWN_MODELS, radio_rules
+from ..radio.link_models import DEFAULT_LINKS, OWN_MODELS, radio_rules
 from ..scenarios import Scenario, load_scenario
 from .accessors import operator_of, robot_of
 from .decide import (
@@ -30,18 +31,18 @@ from .state import State, ground_of, new_state, wire, write_rules
 from .tick import advance
 
 LOWEST, HIGHEST = np.iinfo(np.int32).min, np.iinfo(np.int32).max
-LARGEST_SEED = 2**63 - 1
 LONGEST_STEP = 86_400  # s: the longest mission's limit
 
 
 @kernel
-def advance_and_observe(missions, seconds, discount, seen, masks):
+def advance_and_observe(missions, seconds, discount, earned, seen, masks):
     """Advance every mission until somebody in it is due or by its `seconds` [E], and observe for all who are due.
 
     Mission by mission, so that its arrays are still in the processor's cache when they are observed.
 
     Args:
-      discount: a second, of the step's reward.
+      discount: a second, of what is earned.
+      earned: [E, 2] is filled with the reward's two parts.
       seen, masks: room for every actor of every mission; the first rows are filled.
 
     Returns:
@@ -50,8 +51,7 @@ def advance_and_observe(missions, seconds, discount, seen, masks):
     i, k = 0, 0
     for e in range(missions.shape[0]):
         m = missions[e]
-        m.discount, m.fade, m.step_reward[0], m.step_reward[1] = discount, 1.0, 0.0, 0.0
-        advance(m, seconds[e])
+        advance(m, seconds[e], discount, earned[e])
         if m.over:
             continue
         for r in range(m.n_robots):
@@ -93,12 +93,10 @@ class MissionBatch:
       ValueError: an argument is impossible; the message names it.
     """
 
-    def __init__(self, scenario, seeds, links="abstract", limitation="nominal", record=False):
+    def __init__(self, scenario, seeds, links=DEFAULT_LINKS, limitation="nominal", record=False):
         self.scenario: Scenario = load_scenario(scenario)
-        self.seeds = [check_seed(seed) for seed in seeds]
-        if not self.seeds:
-            raise ValueError("seeds: at least one mission is needed")
-        self.links, self.limitation, self.record, self.discount = links, limitation, record, 1.0
+        self.seeds = seeds_of(seeds)
+        self.links, self.limitation, self.record, self.discount = links, limitation, flag("record", record), 1.0
         radio_rules(self.scenario, links, limitation)  # refuses both by name before any world is made
         ensure_compiled()
         self.worlds: list[World] = [make_world(self.scenario, seed) for seed in self.seeds]
@@ -143,6 +141,7 @@ class MissionBatch:
         Raises:
           ValueError: mission `e` is still under way, or the seed is impossible.
         """
+        whole("e", e, 0, len(self.seeds) - 1)
         if not self.state.missions["over"][e]:
             raise ValueError(f"mission {e} is still under way")
         fresh = MissionBatch(self.scenario, [seed], self.links, self.limitation, self.record)
@@ -165,9 +164,8 @@ class MissionBatch:
         Raises:
           ValueError: a decision is of the wrong shape or masked, or no such seconds; nothing has changed then.
         """
-        if isinstance(seconds, bool) or not isinstance(seconds, (int, np.integer)) or not 0 <= seconds <= LONGEST_STEP:
-            raise ValueError(f"seconds must be a whole number in 0..{LONGEST_STEP}, is {seconds!r}")
-        return self.step_legal(self._check(decisions), int(seconds))
+        seconds = whole("seconds", seconds, 0, LONGEST_STEP)
+        return self.step_legal(self._check(decisions), seconds)
 
     def step_legal(self, decisions: Decisions, seconds: int = 0) -> Observations:
         """`step` for who knows that the decisions are legal, and of the types that `Decisions` says."""
@@ -178,16 +176,15 @@ class MissionBatch:
         """Advance and observe; a new mission stands at t = 0, where everybody is due."""
         seen, masks = new_observations(len(self.seeds), self.scenario), new_masks(len(self.seeds), self.scenario)
         lasts = np.where(self._is_new, 0, seconds)
-        n, k = advance_and_observe(self.state.missions, lasts, self.discount, seen, masks)
-        self.rewards = self.state.missions["step_reward"].copy()
+        self.rewards = np.zeros((len(self.seeds), 2))
+        n, k = advance_and_observe(self.state.missions, lasts, self.discount, self.rewards, seen, masks)
         self._is_new[:] = False
         self.observations = Observations(*(table[:rows] for table, rows in zip(seen, (n, n, n, n, k, k))))
         self._masks = Masks(*(table[:rows] for table, rows in zip(masks, (n, n, n, k, k))))
         return self.observations
 
     def _check(self, decisions) -> Decisions:
-        if not isinstance(decisions, Decisions):
-            raise ValueError(f"decisions must be commhg_mj.Decisions, is {type(decisions).__name__}")
+        instance("decisions", decisions, Decisions)
         n, k = len(self._masks.robots), len(self._masks.operators)
         wanted = {"task": (n, np.int32), "broadcast": (n, np.bool_), "query": (n, np.int32), "assist": (n, np.bool_)}
         wanted["operator"] = (k, np.int32)
@@ -242,7 +239,7 @@ class MissionBatch:
 
 def stay(observations: Observations) -> Decisions:
     """Nobody changes anything and nobody speaks: a start for decisions of one's own."""
-    n = len(observations.robots)
+    n = len(instance("observations", observations, Observations).robots)
     return Decisions(
         task=np.where(observations.robots["can_keep"], KEEP, IDLE).astype(np.int32),
         broadcast=np.zeros(n, bool),
@@ -250,10 +247,3 @@ def stay(observations: Observations) -> Decisions:
         assist=np.zeros(n, bool),
         operator=np.where(observations.operators["can_keep"], KEEP, REST).astype(np.int32),
     )
-
-
-def check_seed(seed) -> int:
-    """The seed as an int; ValueError unless it is a whole number in 0..2^63 - 1."""
-    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or not 0 <= seed <= LARGEST_SEED:
-        raise ValueError(f"seed must be a whole number in 0..2^63 - 1, is {seed!r}")
-    return int(seed)

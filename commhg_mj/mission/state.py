@@ -53,8 +53,7 @@ COUNTS = (
 MISSION = record(
     rules=(RULES,), seed="u8", station_x="f8", station_y="f8", now="i8", over="i1", messages="i8", flying="i8",
     total_value="f8", pending_value="f8",
-    reward=("f8", (2,)), tick_reward=("f8", (2,)), step_reward=("f8", (2,)), discount="f8", fade="f8",
-    switches="i8", incompatibles="i8", conflicts="i8", refusals="i8",
+    reward=("f8", (2,)), tick_reward=("f8", (2,)), switches="i8", incompatibles="i8", conflicts="i8", refusals="i8",
     **{name: "i8" for name in COUNTS + ADDRESSES},
 )  # fmt: skip
 

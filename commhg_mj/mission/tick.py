@@ -172,7 +172,8 @@ def communicate(m, now):
     """Telemetry falls due, and queues send what their tokens permit."""
     if m.rules.radio.link_model == PERFECT:
         for r in range(m.n_robots):
-            robot_of(m, r).tokens = m.rules.bucket
+            if robot_of(m, r).activity != FAILED:
+                robot_of(m, r).tokens = m.rules.bucket
         for h in range(m.n_operators):
             operator_of(m, h).tokens = m.rules.bucket
     for r in range(m.n_robots):
@@ -208,10 +209,8 @@ def mark_due(m, now):
 def pay(m):
     """The team reward of this second (paper, eq. 4): mission part and coordination part."""
     m.tick_reward[0] -= m.rules.pending_cost * m.pending_value / m.total_value
-    for part in range(2):
-        m.reward[part] += m.tick_reward[part]
-        m.step_reward[part] += m.fade * m.tick_reward[part]
-    m.fade *= m.discount
+    m.reward[0] += m.tick_reward[0]
+    m.reward[1] += m.tick_reward[1]
 
 
 @kernel
@@ -241,12 +240,17 @@ def is_anybody_due(m):
 
 
 @kernel
-def advance(m, seconds):
-    """Tick for so many `seconds`, whoever is due meanwhile, or with 0 until somebody is due; at most to the end."""
-    if seconds > 0:
-        until = m.now + seconds
-        while not m.over and m.now < until:
-            tick(m)
-    else:
-        while not m.over and not is_anybody_due(m):
-            tick(m)
+def advance(m, seconds, discount, earned):
+    """Tick for so many `seconds`, whoever is due meanwhile, or with 0 until somebody is due; at most to the end.
+
+    Args:
+      earned: [2] is filled with both parts of the reward, each second's discounted by the seconds before it.
+    """
+    until, fade = m.now + seconds, 1.0
+    earned[0], earned[1] = 0.0, 0.0
+    while not m.over and (m.now < until or (seconds == 0 and not is_anybody_due(m))):
+        mission, coordination = m.reward[0], m.reward[1]
+        tick(m)
+        earned[0] += fade * (m.reward[0] - mission)
+        earned[1] += fade * (m.reward[1] - coordination)
+        fade *= discount

@@ -10,12 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..base.arguments import check_seed, instance, number, path_of
 from ..base.files import whole_file
 from ..base.terms import Kind
 from ..radio import find_link_model
 from ..scenarios import LIMITATIONS, Scenario, from_json, to_json
 from . import state as s
-from .batch import MissionBatch, check_seed
+from .batch import MissionBatch
 from .recorder import SAMPLE_PERIOD
 from .score import twcr
 
@@ -94,7 +95,7 @@ class Trace:
 
     def twcr_until(self, t: float) -> float:
         """The Timely Weighted Completion Ratio (paper, eq. 5) of what was completed by second t."""
-        done = np.where(self.task_done <= t, self.task_done, -1.0)
+        done = np.where(self.task_done <= number("t", t, 0, np.inf), self.task_done, -1.0)
         return twcr(self.task_value, self.task_deadline, self.task_decay, done)
 
     def twcr(self) -> float:
@@ -111,7 +112,8 @@ def make_traces(batch: MissionBatch, policy: str) -> list[Trace]:
     Raises:
       ValueError: the batch was made without `record=True`.
     """
-    if not batch.record:
+    instance("policy", policy, str)
+    if not getattr(batch, "record", False):
         raise ValueError("record: the batch keeps no log; make it with record=True")
     return [_make_trace(batch, policy, e) for e in range(len(batch.seeds))]
 
@@ -159,6 +161,8 @@ def save_trace(trace: Trace, path) -> None:
     Raises:
       ValueError: the file cannot be written; the message names it.
     """
+    instance("trace", trace, Trace)
+    path = path_of("path", path)
     head = {name: getattr(trace, name) for name in HEAD}
     head |= {"magic": MAGIC, "format": FORMAT, "scenario": to_json(trace.scenario)}
     arrays = {name: getattr(trace, name) for name in ARRAYS}
@@ -195,6 +199,7 @@ def load_head(path) -> dict:
 
 def _read(path, names=None) -> dict:
     """Everything in a trace of this format, or what bears some names."""
+    path = path_of("path", path)
     try:
         with np.load(path, allow_pickle=False) as file:
             found = {name: file[name] for name in file.files if names is None or name in ("magic", "format", *names)}

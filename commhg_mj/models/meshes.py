@@ -14,6 +14,7 @@ TREE_AREA = 44.0  # m² of forest per tree, more where MOST_TREES would be excee
 MOST_TREES = 6500
 FEWEST_TREES = 40  # per forest, however small it is
 LARGE_CLUMP, SMALL_CLUMP = 14, 3  # trees; small clumps fill the rim that large ones leave
+TRUNK_RADIUS, TRUNK_HEIGHT = 0.10, 0.45  # of a tree's crown radius, of its height
 BARK, CONIFER, BROADLEAF = range(3)  # bands of the foliage texture
 
 
@@ -172,7 +173,7 @@ def clump_mesh(trees, shapes: dict, rng: np.random.Generator) -> Mesh:
 def _draw_tree(band, rng) -> Mesh:
     """A tree of unit height and unit crown radius; v runs from shade (0) to light (1)."""
     crown, crown_faces, light = _draw_conifer(rng) if band == CONIFER else _draw_broadleaf(rng)
-    trunk, trunk_faces = _prism(0.10, 0.45)
+    trunk, trunk_faces = _prism(TRUNK_RADIUS, TRUNK_HEIGHT)
     hue = np.repeat([(band + rng.uniform(0.2, 0.8)) / 3, (BARK + 0.5) / 3], [len(crown), len(trunk)])
     uv = np.column_stack([hue, np.concatenate([light, np.linspace(0.2, 0.8, len(trunk))])])
     faces = np.concatenate([crown_faces, trunk_faces + len(crown)])

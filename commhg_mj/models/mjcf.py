@@ -13,10 +13,13 @@ import cv2
 import mujoco
 import numpy as np
 
+from ..base.arguments import instance, path_of
 from ..base.files import whole_file
 from ..base.terms import TaskType
 from . import meshes, textures
 from .obstacle_model import Group, add_canopies, add_geom, add_mesh, add_mountains
+from .poses import robot_positions
+from .solids import make_solid
 from .viewpoints import add_cameras
 from .world import World
 
@@ -29,6 +32,10 @@ TYPE_COLOURS = {  # distinguishable with every kind of colour vision; robots wea
     TaskType.GENERAL: (0.95, 0.42, 0.80),
 }
 BEAM_ALPHA = 0.35
+FALLS_THROUGH = """A world to look at and to cast rays through: no gravity, no contacts.
+A body that is added falls through; `commhg-mj world --collide` writes a world that holds it."""
+HOLDS = """A world for bodies of your own: gravity is on; ground, mountains and trunks (geom group 3) hold what is added.
+Crowns, the team's robots, the station and the markers do not; `commhg-mj world` without --collide has no contacts."""
 PAD_TOP = 0.05  # m at scale 1: the floor of station.xml
 
 
@@ -48,13 +55,15 @@ def build_model(world: World, pictures: bool = True) -> mujoco.MjModel:
     return build_spec(world, pictures).compile()
 
 
-def build_spec(world: World, pictures: bool = True) -> mujoco.MjSpec:
+def build_spec(world: World, pictures: bool = True, collide: bool = False) -> mujoco.MjSpec:
     """The world as an editable MJCF specification.
 
     Args:
       world: what to build; the same world gives the same specification.
       pictures: False leaves out what only the eye needs and keeps bodies, cameras and the geometry for rays.
+      collide: gravity, and ground, mountains and trunks that hold bodies; without, whatever is added falls through.
     """
+    instance("world", world, World)
     spec = mujoco.MjSpec.from_file(str(XML / "scene.xml")) if pictures else mujoco.MjSpec()
     spec.modelname = "commhg_mj"
     spec.copy_during_attach = True  # one asset serves many robots
@@ -67,8 +76,8 @@ def build_spec(world: World, pictures: bool = True) -> mujoco.MjSpec:
     _add_station(spec, world, pictures)
     _add_pois(spec, world, pictures)
     add_cameras(spec, world.layout, station_scale(world))
-    if pictures:
-        _add_scenery(spec, world)
+    if pictures or collide:
+        _add_trees(spec, world, pictures, collide)
     _name_geoms(spec)
     return spec
 
@@ -76,7 +85,7 @@ def build_spec(world: World, pictures: bool = True) -> mujoco.MjSpec:
 def _add_ground(spec, world, pictures):
     """The plain and the mountains upon it; both take their colour from the terrain texture."""
     layout = world.layout
-    material = {"material": "terrain"} if pictures else {}
+    material: dict = {"material": "terrain"} if pictures else {}
     centre, half = [layout.side / 2, layout.side / 2, 0], meshes.TERRAIN_REACH * layout.side / 2
     size = [half, half, half / 8]
     add_geom(spec.worldbody, "plane", Group.GROUND, name="ground", pos=centre, size=size, **material)
@@ -109,9 +118,9 @@ def _add_robots(spec, world, pictures):
     """Mocap bodies at the starting places, UAVs at flight height."""
     scenario, scale = world.scenario, display_scale(world.layout.side)
     assets = {kind: _load(kind, pictures) for kind in ("uav", "ugv")}
-    heights = [scenario.world.uav_height] * scenario.n_uav + [0.0] * scenario.n_ugv
-    for name, start, height in zip(scenario.robot_names, world.layout.starts, heights):
-        _add_body(spec, name, [*start, height], assets[name[:3]], scale).mocap = True
+    places = np.round(robot_positions(world, world.layout.starts, np.zeros(scenario.n_robots, bool)), 2)
+    for name, place in zip(scenario.robot_names, places):
+        _add_body(spec, name, place, assets[name[:3]], scale).mocap = True
 
 
 def _add_station(spec, world, pictures):
@@ -142,7 +151,7 @@ def _add_pois(spec, world, pictures):
 def _add_poi_geoms(body, name, size, poi_type):
     colour = TYPE_COLOURS[poi_type]
     top = 7 * size
-    style = {"rgba": [*colour, 1], "material": "poi"}
+    style: dict = {"rgba": [*colour, 1], "material": "poi"}
     disc, beam = [1.3 * size, 0.04 * size, 0], [0.14 * size, top / 2, 0]
     add_geom(body, "cylinder", Group.VISUAL, name=f"{name}/disc", pos=[0, 0, 0.08 * size], size=disc, **style)
     faint = {"rgba": [*colour, BEAM_ALPHA], "material": "beam"}
@@ -156,11 +165,18 @@ def _add_poi_geoms(body, name, size, poi_type):
         add_geom(body, "sphere", Group.VISUAL, size=[size, 0, 0], **style)
 
 
-def _add_scenery(spec, world):
-    """Textures, the far ground, the sky and the trees."""
-    layout = world.layout
+def _add_trees(spec, world, pictures, collide):
+    """The trees, and what comes with them for the eye or for bodies."""
     rng = np.random.default_rng([world.seed, STREAM])
-    forest = meshes.plan_forest(layout, rng)
+    forest = meshes.plan_forest(world.layout, rng)
+    if pictures:
+        _add_scenery(spec, world.layout, forest, rng)
+    if collide:
+        make_solid(spec, world.layout, forest)
+
+
+def _add_scenery(spec, layout, forest, rng):
+    """Textures, the far ground, the sky and the trees."""
     sun = spec.light("sun").dir
     _add_texture(spec, "terrain", textures.terrain_image(layout, forest.trees(), sun, rng))
     _add_texture(spec, "horizon", textures.horizon_image(rng))
@@ -192,19 +208,23 @@ def _add_forest(spec, forest, rng):
         add_geom(spec.worldbody, "mesh", Group.VISUAL, name=f"trees{i}", pos=[x, y, 0], quat=quat, **style)
 
 
-def write_world(world: World, path) -> None:
+def write_world(world: World, path, collide: bool = False) -> None:
     """Write the world as XML with its textures in `<stem>_assets/` beside it, for any MuJoCo program.
 
     Pictures have the checksum of their content in their name and the XML is replaced last, in one step: an
-    interrupted call leaves an earlier world intact.
+    interrupted call leaves an earlier world intact. The file's own comment says whether it holds bodies.
+
+    Args:
+      collide: as for `build_spec`.
 
     Raises:
       ValueError: `path` does not end in .xml or cannot be written; the message names it.
     """
-    path = Path(path)
+    path = path_of("path", path)
     if path.suffix != ".xml" or path.is_dir():
         raise ValueError(f"world file {path}: must be a file whose name ends in .xml")
-    spec = build_spec(world)
+    spec = build_spec(world, collide=collide)
+    spec.comment = HOLDS if collide else FALLS_THROUGH
     assets = path.with_name(f"{path.stem}_assets")
     try:
         assets.mkdir(exist_ok=True)

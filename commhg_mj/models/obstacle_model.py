@@ -17,6 +17,7 @@ class Group(IntEnum):
     GROUND = 0
     MOUNTAIN = 1  # one surface for rays and pictures
     VISUAL = 2  # robots, station, operators, POIs, trees, far ground: never hit by radio rays
+    SOLID = 3  # what bodies collide with, where the world has such geoms (models/solids.py); pictures hide it
     CANOPY = 4  # cylinders for rays only; pictures hide them. Opaque enough for mj_ray, which skips alpha 0
 
 
@@ -60,7 +61,7 @@ def add_mesh(spec, name, mesh: Mesh, smooth=False) -> None:
     asset.smoothnormal = smooth
 
 
-def add_geom(body, kind: str, group: Group, **attributes) -> mujoco.MjsGeom:
-    """A geom that nothing collides with."""
+def add_geom(body, kind: str, group: Group, collides: bool = False, **attributes) -> mujoco.MjsGeom:
+    """A geom; nothing collides with it unless `collides`."""
     kind = getattr(mujoco.mjtGeom, f"mjGEOM_{kind.upper()}")
-    return body.add_geom(type=kind, group=group, contype=0, conaffinity=0, **attributes)
+    return body.add_geom(type=kind, group=group, contype=collides, conaffinity=collides, **attributes)

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..base.arguments import check_seed, numbers, whole
 from ..base.elementary_functions import distance
 from ..base.terms import TaskType
-from ..scenarios import Scenario
+from ..scenarios import Scenario, load_scenario
 from .layout import STATION_CLEARING, Layout, draw_layout
 from .routes import Roadmap, Routes, find_path
 
@@ -46,16 +47,19 @@ class World:
 
     def path(self, start, task: int) -> np.ndarray:
         """Ground route [k, 2] from `start` [2] to a task's POI."""
-        return find_path(self.routes, start, task)
+        return find_path(self.routes, numbers("start", start, 2), whole("task", task, 0, len(self.pois) - 1))
 
 
-def make_world(scenario: Scenario, seed: int) -> World:
+def make_world(scenario, seed: int) -> World:
     """The world of a mission; the same arguments give the same world.
 
+    Args:
+      scenario: name, TOML file, `Scenario` or its table.
+
     Raises:
-      ValueError: the POIs or the station do not fit on the map (names the field).
+      ValueError: no such scenario or seed, or the POIs or the station do not fit on the map (names the field).
     """
-    return kept_world(scenario, seed).hand_out()
+    return kept_world(load_scenario(scenario), check_seed(seed)).hand_out()
 
 
 class KeptWorld:
@@ -84,8 +88,9 @@ def kept_world(scenario: Scenario, seed: int) -> KeptWorld:
     return KeptWorld(draw_world(scenario, seed))
 
 
-def draw_world(scenario: Scenario, seed: int) -> World:
-    """A world drawn anew; errors as of `make_world`."""
+def draw_world(scenario, seed: int) -> World:
+    """A world drawn anew; arguments and errors as of `make_world`."""
+    scenario, seed = load_scenario(scenario), check_seed(seed)
     rng = np.random.default_rng([seed, STREAM])
     layout = draw_layout(scenario, rng)
     roadmap = Roadmap(layout.parts, scenario.world.ugv_radius, layout.side, layout.starts.mean(axis=0))

@@ -5,10 +5,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..base.arguments import instance, names, number
 from ..base.charts import new_figure, styled
 from ..models.world import World
 from ..radio.world_links import WorldLinks
-from .endpoints import Endpoint, antenna_at
+from .endpoints import HIGHEST, Endpoint, antenna_at
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -40,15 +41,15 @@ def cover(
     Raises:
       ValueError: the source is a robot (its place is a matter of the moment: name a point), or a negative height.
     """
-    if source.robot is not None:
+    instance("world", world, World)
+    if instance("source", source, Endpoint).robot is not None:
         raise ValueError(f"--{options[0]} must be station, X,Y or X,Y,Z, is {source.name!r}")
-    if not 0 <= height <= 1e5:
-        raise ValueError(f"--{options[1]} must be a height above the ground in metres, is {height:g}")
+    height = number(f"--{options[1]}", height, 0, HIGHEST)
     transport = world.scenario.communication
     centres = (np.arange(CELLS) + 0.5) / CELLS * world.layout.side
     xy = np.stack(np.meshgrid(centres, centres), axis=-1).reshape(-1, 2)
     delivered = {}
-    for model in models:
+    for model in names("models", models):
         links = WorldLinks(world, model, limitation)
         receivers = links.antennas(xy, height)
         if source.is_station:

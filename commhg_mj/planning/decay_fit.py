@@ -8,9 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import minimize
 
+from ..base.arguments import missions_of
 from ..flights.fly import fly_recorded
 from ..flights.held_out import FIT
-from ..scenarios import Scenario
+from ..scenarios import Scenario, load_scenario
 from .link_pairs import STATION, links_of
 
 DECAYS = 0.1, 1e6  # m: where nothing decides a length it ends at one of these
@@ -34,7 +35,7 @@ def fit(scenario: Scenario, n_missions=40, workers=1, advance=lambda missions: N
     Raises:
       ValueError: there are no such links.
     """
-    seeds = range(FIT, FIT + n_missions)
+    scenario, seeds = load_scenario(scenario), range(FIT, FIT + missions_of("n_missions", n_missions))
     found = fly_recorded(_links, scenario, "greedy", seeds, "raycast", workers=workers, advance=advance)
     links = np.concatenate(found)
     if not len(links):

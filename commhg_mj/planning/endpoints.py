@@ -4,9 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..base.arguments import instance, said
 from ..base.terms import Embodiment
 from ..radio.world_links import WorldLinks
 from ..scenarios import Scenario
+
+HIGHEST = 1e5  # m above the ground: of any antenna
 
 
 @dataclass(frozen=True)
@@ -33,6 +36,9 @@ def parse_endpoint(text: str, scenario: Scenario, option: str) -> Endpoint:
     Raises:
       ValueError: no such place; the message names the option.
     """
+    instance("scenario", scenario, Scenario)
+    if not isinstance(text, str):
+        raise ValueError(f"--{option} must be the name of a place, is {said(text)}")
     if text == "station":
         return Endpoint(text)
     if text in scenario.robot_names:
@@ -43,7 +49,7 @@ def parse_endpoint(text: str, scenario: Scenario, option: str) -> Endpoint:
     except ValueError:
         team = "station, " + ", ".join(scenario.robot_names[:: max(1, scenario.n_robots - 1)])
         raise ValueError(f"--{option} must be {team} …, X,Y or X,Y,Z in metres, is {text!r}") from None
-    if not (np.isfinite([x, y, z]).all() and 0 <= x <= scenario.map_side and 0 <= y <= scenario.map_side and 0 <= z <= 1e5):
+    if not (np.isfinite([x, y, z]).all() and 0 <= x <= scenario.map_side and 0 <= y <= scenario.map_side and 0 <= z <= HIGHEST):
         raise ValueError(f"--{option} {text} lies outside the map, 0..{scenario.map_side:g} m, or below the ground")
     return Endpoint(text, point=(x, y, z))
 

@@ -2,7 +2,10 @@
 
 import numpy as np
 
+from ..base.arguments import instance, whole
 from ..base.terms import Activity
+from ..mission.batch import LONGEST_STEP
+from ..mission.trace import Trace
 from ..models.world import make_world
 from ..radio.world_links import WorldLinks
 
@@ -24,6 +27,8 @@ def links_of(trace, period=1) -> np.ndarray:
     Robot `b` = R is the station. A robot that failed has no links. `in_range` is the planar distance within the
     limitation level's range; without it the abstract delivery is 0. Lengths in m, excess loss in dB.
     """
+    instance("trace", trace, Trace)
+    period = whole("period", period, 1, LONGEST_STEP)
     scenario, world = trace.scenario, make_world(trace.scenario, trace.seed)
     n = scenario.n_robots
     models = [WorldLinks(world, model, trace.limitation) for model in ("abstract", "abstract-fit", "raycast")]

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..base.arguments import instance, numbers, said, second
 from ..base.charts import new_figure, styled
 from ..models.layout import inside_any, unit_frame
 from ..models.world import World
@@ -12,7 +13,7 @@ from ..policies import prepare
 from ..radio.losses import FRESNEL_CLEAR
 from ..radio.raycast import APART
 from ..radio.world_links import WorldLinks
-from ..scenarios import Scenario
+from ..scenarios import Scenario, load_scenario
 from .endpoints import Endpoint, antenna_at
 
 if TYPE_CHECKING:
@@ -41,22 +42,27 @@ def positions_at(scenario: Scenario, seed: int, at: float) -> np.ndarray:
     Raises:
       ValueError: the mission does not last that long.
     """
+    at = second("--at", at, load_scenario(scenario).time_limit)
     batch, act = prepare("greedy", scenario, [seed], record=True)
     observations = batch.observations
-    while not batch.over.all() and not 0 <= at <= batch.time[0]:
+    while not batch.over.all() and at > batch.time[0]:
         observations = batch.step(act(observations))
-    if not 0 <= at <= batch.time[0]:
-        raise ValueError(f"--at {at:g} lies outside the mission, 0..{batch.time[0]} s")
+    second("--at", at, batch.time[0])
     rows = batch.log.robots[0, round(at)]
     return np.stack([rows["x"], rows["y"]], axis=-1)
 
 
 def view_link(world: World, places, robot_xy, limitation="nominal") -> LinkView:
-    """Look at the link between two places, the robots being at robot_xy [R, 2].
+    """Look at the link between two places, the robots being at robot_xy [R, 2]; None where no robot is an end.
 
     Raises:
       ValueError: both ends are one place.
     """
+    instance("world", world, World)
+    if not isinstance(places, (list, tuple)) or [type(place) for place in places] != [Endpoint, Endpoint]:
+        raise ValueError(f"places must be two Endpoints, is {said(places)}")
+    if any(place.robot is not None for place in places):
+        robot_xy = numbers("robot_xy", robot_xy, world.scenario.n_robots, 2)
     transport, to_station = world.scenario.communication, any(place.is_station for place in places)
     size = transport.telemetry_bytes if to_station else transport.broadcast_bytes
     links = {model: WorldLinks(world, model, limitation) for model in MODELS}

@@ -11,8 +11,10 @@ A policy of one's own is made for one batch of missions, and flies wherever a na
 from collections.abc import Callable
 from typing import NamedTuple
 
+from ..base.arguments import said
 from ..base.registries import Registry
 from ..mission.batch import MissionBatch
+from ..radio import DEFAULT_LINKS
 from ..scenarios import Scenario, load_scenario
 from . import warm  # noqa: F401  says what the first start runs
 from .greedy import Greedy
@@ -45,7 +47,7 @@ def policy(name: str, is_privileged: bool = False) -> Callable[[Callable], Calla
       ValueError: no name, or that of a reference.
     """
     if not isinstance(name, str) or not name or name in REFERENCES:
-        raise ValueError(f"policy {name!r}: the name must be a word other than {', '.join(REFERENCES)}")
+        raise ValueError(f"policy {said(name)}: the name must be a word other than {', '.join(REFERENCES)}")
 
     def register(make):
         POLICIES[name] = PolicyInfo(make, is_privileged)
@@ -86,7 +88,7 @@ def label_of(name: str) -> str:
 
 
 def prepare(
-    name: str, scenario, seeds, links="abstract", limitation="nominal", record=False
+    name: str, scenario, seeds, links=DEFAULT_LINKS, limitation="nominal", record=False
 ) -> tuple[MissionBatch, Callable]:
     """(batch, policy) for missions of a scenario; a privileged policy gets its idealised conditions."""
     info = find_policy(name)

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from ..base.arguments import instance
 from ..base.kernels import kernel
 from ..base.terms import IDLE, KEEP, NOBODY, REST, Activity, Session, Status
 from ..mission.batch import MissionBatch, stay
@@ -24,6 +25,7 @@ class Greedy:
     """Callable policy; sees observations and the scenario's public numbers."""
 
     def __init__(self, batch: MissionBatch):
+        instance("batch", batch, MissionBatch)
         self.rules = batch.rules
 
     def __call__(self, observations: Observations) -> Decisions:

@@ -9,6 +9,7 @@ import dataclasses
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from ..base.arguments import instance
 from ..base.elementary_functions import distance
 from ..base.kernels import kernel
 from ..base.terms import IDLE, NOBODY, REST, Activity, Embodiment, Mode
@@ -39,6 +40,7 @@ class Omniscient:
     """Callable policy; reads `batch.state`. Its batch needs `links="perfect"` and `every_second(scenario)`."""
 
     def __init__(self, batch: MissionBatch):
+        instance("batch", batch, MissionBatch)
         self.batch = batch
         self.tasks = np.zeros((len(batch.seeds), batch.scenario.n_robots, batch.scenario.n_tasks))
         self.gains = np.zeros((len(batch.seeds), batch.scenario.n_operators, batch.scenario.n_robots))

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from ..base.arguments import instance
 from ..base.kernels import kernel
 from ..base.terms import IDLE, KEEP, NOBODY, REST
 from ..mission.batch import MissionBatch, stay
@@ -17,6 +18,7 @@ class Random:
     """Callable policy; its draws depend on the missions' seeds and the time alone."""
 
     def __init__(self, batch: MissionBatch):
+        instance("batch", batch, MissionBatch)
         self.seeds = np.array(batch.seeds, np.uint64)
 
     def __call__(self, observations: Observations) -> Decisions:

@@ -12,6 +12,7 @@ from numba import carray, types
 from numba.core.errors import NumbaError
 from numba.extending import intrinsic
 
+from ..base.arguments import said
 from ..base.kernels import kernel
 from ..models.rays import WORD, call_address
 from ..scenarios import LIMITATIONS, PROFILES
@@ -42,7 +43,7 @@ def link_model(name: str) -> Callable[[Callable], Callable]:
     """
     if not isinstance(name, str) or not NAME.fullmatch(name):
         raise ValueError(
-            f"a link model's name must be up to 64 letters, digits, '-', '_' or '.', and begin with one, is {name!r}"
+            f"a link model's name must be up to 64 letters, digits, '-', '_' or '.', and begin with one, is {said(name)}"
         )
     taken = (*LINK_MODELS, *LIMITATIONS, *PROFILES)  # words of traces' file names
     if name in taken:

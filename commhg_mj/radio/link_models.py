@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 from scipy.optimize import brentq
 
+from ..base.arguments import one_of
 from ..base.kernels import record
 from ..base.registries import Registry
 from ..scenarios import LIMITATIONS, Scenario
@@ -24,6 +25,7 @@ class LinkModel(IntEnum):
 LINK_MODELS = {model.name.lower().replace("_", "-"): model for model in LinkModel if model != LinkModel.CUSTOM}  # built in
 # Addresses of functions in this process (radio/custom.py):
 OWN_MODELS = Registry("link model", "commhg_mj.link_models", beside=LINK_MODELS)
+DEFAULT_LINKS = "raycast"  # of every command, interface and training: geometry first
 RAY_MODELS = (LinkModel.RAYCAST, LinkModel.RAYCAST_SHUFFLED)
 
 RADIO = record(
@@ -42,7 +44,7 @@ RADIO = record(
     is_bullington="i8",
     shadowing="f8",  # dB
     shadowing_length="f8",  # m
-    antenna=("f8", (2,)),  # m above the ground below a (UAV, UGV)
+    antenna=("f8", (2,)),  # m: a UAV's above the floor of flights, a UGV's above the ground (models/terrain.py)
     mast="f8",  # m above the ground
     share_at="i8",  # address of a user's own function, of use in its process alone; 0: a built-in model
 )
@@ -86,8 +88,7 @@ def radio_rules(scenario: Scenario, links: str, limitation: str) -> np.void:
       ValueError: unknown link model or limitation; the message names it.
     """
     model = find_link_model(links)
-    if limitation not in LIMITATIONS:
-        raise ValueError(f"unknown limitation {limitation!r}: use {', '.join(LIMITATIONS)}")
+    one_of("limitation", limitation, LIMITATIONS)
     level, transport, radio = LIMITATIONS.index(limitation), scenario.communication, scenario.radio
     decays = radio.fitted_forest_decay, radio.fitted_mountain_decay
     if model != LinkModel.ABSTRACT_FIT:

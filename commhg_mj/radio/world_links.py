@@ -2,7 +2,9 @@
 
 import numpy as np
 
+from ..base.arguments import instance, numbers, positive, said
 from ..base.kernels import kernel
+from ..base.terms import Embodiment
 from ..models.world import World
 from .link_models import LINK, radio_rules
 from .links import fates, is_in_range, is_spatial, measure
@@ -19,7 +21,7 @@ class WorldLinks:
     """
 
     def __init__(self, world: World, links="raycast", limitation="nominal"):
-        self.world = world  # keeps the ray model alive
+        self.world = instance("world", world, World)  # keeps the ray model alive
         self.links, self.limitation = links, limitation
         self.rules = radio_rules(world.scenario, links, limitation)
         self.obstacles = make_obstacles(world, links)
@@ -30,19 +32,30 @@ class WorldLinks:
 
     def between(self, a, b, size) -> np.ndarray:
         """Robot-robot links from antennas a to b (one may be [1, 3]) for messages of `size` [B]."""
+        a, b = numbers("a", a, None, 3), numbers("b", b, None, 3)
+        if len(a) != len(b) and 1 not in (len(a), len(b)):
+            raise ValueError(f"a and b must be as many antennas, or one of them, are {len(a)} and {len(b)}")
         return self._measure(a, b, size, True)
 
     def to_station(self, a, size) -> np.ndarray:
         """Links from antennas to the station's mast, or back, for messages of `size` [B]."""
-        return self._measure(a, self.mast[None], size, False)
+        return self._measure(numbers("a", a, None, 3), self.mast[None], size, False)
 
     def antennas(self, xy, height) -> np.ndarray:
-        """[n, 3] antennas at xy [n, 2], so many metres above the ground there."""
-        return np.concatenate([xy, (self.world.layout.ground_height(xy) + height)[:, None]], axis=1)
+        """[n, 3] antennas at xy [n, 2], so many metres above the ground there, one height or [n]."""
+        xy = numbers("xy", xy, None, 2)
+        heights = numbers("height", height, *(() if np.isscalar(height) else (len(xy),)))
+        if (heights < 0).any():
+            raise ValueError(f"height must not lie below the ground, is {said(height)}")
+        return np.c_[xy, self.world.layout.ground_height(xy) + heights]
 
     def robot_antennas(self, xy, embodiment) -> np.ndarray:
         """[n, 3] antennas of robots at xy [n, 2], of one embodiment or of [n] ones."""
-        return self.antennas(xy, self.rules["antenna"][embodiment])
+        xy, kinds, layout = numbers("xy", xy, None, 2), np.asarray(embodiment), self.world.layout
+        if kinds.dtype.kind not in "iu" or not np.isin(kinds, list(Embodiment)).all():
+            raise ValueError(f"embodiment must be 0 (UAV) or 1 (UGV), or one a robot, is {said(embodiment)}")
+        base = np.where(kinds == Embodiment.UAV, layout.flight_floor(xy), layout.ground_height(xy))
+        return np.c_[xy, base + self.rules["antenna"][kinds]]
 
     @property
     def mast(self) -> np.ndarray:
@@ -50,12 +63,12 @@ class WorldLinks:
         return self.antennas(self.world.layout.station[None], self.rules["mast"])[0]
 
     def _measure(self, a, b, size, is_robot_link):
-        a, b = np.broadcast_arrays(np.asarray(a, float), np.asarray(b, float))
+        size, (a, b) = positive("size", size), np.broadcast_arrays(a, b)
         links = np.zeros(len(a), LINK)
         for name in LINK.names or ():
             links[name] = np.nan
         ends = np.ascontiguousarray(a), np.ascontiguousarray(b)
-        measure_links(self.rules, self.obstacles, *ends, float(size), is_robot_link, links)
+        measure_links(self.rules, self.obstacles, *ends, size, is_robot_link, links)
         return links
 
 

@@ -6,6 +6,7 @@ from itertools import pairwise
 import mujoco
 import numpy as np
 
+from ..base.arguments import said
 from ..models.mjcf import display_scale, station_scale
 
 NAMES = "overview, station, map, orbit or follow:ROBOT (such as follow:uav0)"
@@ -19,7 +20,9 @@ def check_camera(name: str, scenario) -> None:
     Raises:
       ValueError: unknown camera or robot.
     """
-    kind, _, robot = str(name).partition(":")
+    if not isinstance(name, str):
+        raise ValueError(f"unknown camera {said(name)}: use {NAMES}")
+    kind, _, robot = name.partition(":")
     if kind == "follow" and robot in scenario.robot_names:
         return
     if kind == "follow":

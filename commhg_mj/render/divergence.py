@@ -4,8 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..base.arguments import instance
 from ..base.terms import IDLE, KEEP, NOBODY, REST
 from ..mission.recorder import NOT_DECIDED
+from ..mission.trace import Trace
 from ..scenarios import describe
 
 ROBOT_COLUMNS = ("robot_choice", "robot_broadcast", "robot_query", "robot_request")
@@ -29,9 +31,15 @@ def check_same_mission(left, right, names=("left", "right")) -> None:
     Raises:
       ValueError: another scenario or seed; the message names the first difference.
     """
+    _check_traces(left, right, names)
     for (fact, one), (_, other) in zip(_facts(left), _facts(right)):
         if one != other:
             raise ValueError(f"{names[0]} and {names[1]} are not the same mission: {fact} {one} and {other}")
+
+
+def _check_traces(left, right, names=("left", "right")):
+    for name, trace in zip(names, (left, right)):
+        instance(name, trace, Trace)
 
 
 def _facts(trace):
@@ -43,6 +51,7 @@ def _facts(trace):
 
 def first_divergence(left, right) -> Divergence | None:
     """Where the decisions of two traces of one mission part, robots before operators; None while both last the same."""
+    _check_traces(left, right)
     found = []
     for kind, columns in (("robot", ROBOT_COLUMNS), ("operator", OPERATOR_COLUMNS)):
         seconds, actors = np.nonzero(_differs(left, right, columns))

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from ..base.arguments import instance, numbers
 from ..models.meshes import terrain_uv
 from ..models.textures import MEADOW
 
@@ -27,7 +28,7 @@ class Drape:
     colours: np.ndarray  # [k, 3] uint8 red, green, blue, as they look on the ground
 
     def __post_init__(self):
-        n = len(self.image)
+        n = len(instance("a drape's image", self.image, np.ndarray))
         if self.image.shape != (n, n, 4) or self.image.dtype != np.uint8:
             raise ValueError(f"a drape's image must be [n, n, 4] uint8, is {list(self.image.shape)} {self.image.dtype}")
 
@@ -40,8 +41,8 @@ def coverage_drape(probability, label: str) -> Drape:
     """
     from matplotlib import colormaps
 
-    probability = np.asarray(probability, float)
-    if probability.ndim != 2 or not np.all((probability >= 0) & (probability <= 1)):
+    probability = numbers("probability", probability, None, None)
+    if not np.all((probability >= 0) & (probability <= 1)):
         raise ValueError("probability must be a table [n, n] of numbers in 0..1")
     colours = colormaps[COLOURS].resampled(SHADES)
     on_grass = ALPHA * 255 * colours(np.arange(SHADES))[:, :3] + (1 - ALPHA) * np.array(MEADOW)

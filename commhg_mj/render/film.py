@@ -5,17 +5,19 @@ from collections import deque
 from collections.abc import Iterable
 from contextlib import closing
 from functools import partial
-from pathlib import Path
 
 import cv2
 import numpy as np
 
+from ..base.arguments import instance, path_of, positive, second, workers_of
 from ..base.files import whole_file
 from ..base.processes import pool_of
+from ..mission.trace import Trace
 from ..models.world import make_world
 from .cameras import check_camera
 from .canvas import Canvas
 from .divergence import check_same_mission
+from .drape import Drape
 from .hud import Hud
 from .moment import Timeline
 from .overlay import Overlay
@@ -52,12 +54,9 @@ def render_video(
       RuntimeError: OpenGL is missing.
     """
     traces, drapes, size = _check(trace, drape, out, ".mp4", camera, size)
-    for name, value in (("fps", fps), ("speed", speed), ("workers", workers)):
-        if not 0 < value < np.inf:
-            raise ValueError(f"{name} must be positive, is {value}")
-    stop = _duration(traces) if stop is None else stop
-    _check_time(traces, "start", start)
-    _check_time(traces, "stop", stop)
+    fps, speed, workers = positive("fps", fps), positive("speed", speed), workers_of(workers)
+    last = _duration(traces)
+    start, stop = second("start", start, last), last if stop is None else second("stop", stop, last)
     if start > stop:
         raise ValueError(f"start = {start:g} s is after stop = {stop:g} s")
     if (stop - start) * fps / speed > MOST_PICTURES:
@@ -88,7 +87,7 @@ def render_image(trace, out, at=0.0, camera="overview", size=None, speed=20.0, d
       RuntimeError: OpenGL is missing.
     """
     traces, drapes, size = _check(trace, drape, out, ".png", camera, size)
-    _check_time(traces, "at", at)
+    at, speed = second("at", at, _duration(traces)), positive("speed", speed)
     with whole_file(out) as part, closing(_make_film(traces, drapes, camera, size, speed)) as film:
         write_png(part, film.picture(at))
 
@@ -187,21 +186,20 @@ def _duration(traces):
     return float(max(len(trace.robot_xy) for trace in traces) - 1)
 
 
-def _check_time(traces, name, value):
-    if not 0 <= value <= _duration(traces):
-        raise ValueError(f"{name} = {value:g} s lies outside the mission, 0..{_duration(traces):g} s")
-
-
 def _check(trace, drape, out, ending, camera, size):
     """(traces, drapes, size of a panel), all as tuples; a single drape lies in all panels."""
-    if Path(out).suffix.lower() != ending:
+    if path_of("out", out).suffix.lower() != ending:
         raise ValueError(f"{out}: the name must end in {ending}")
     traces = trace if isinstance(trace, tuple) else (trace,)
     if len(traces) not in SIZES:
         raise ValueError(f"one trace or two can be rendered, not {len(traces)}")
+    for one in traces:
+        instance("trace", one, Trace)
     if len(traces) == 2:
         check_same_mission(*traces)
     drapes = drape if isinstance(drape, tuple) else (drape,) * len(traces)
+    for one in drapes:
+        _ = one if one is None else instance("drape", one, Drape)
     if len(drapes) != len(traces):
         raise ValueError(f"there must be as many drapes as traces, {len(traces)}, not {len(drapes)}")
     check_camera(camera, traces[0].scenario)

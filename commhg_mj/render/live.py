@@ -3,8 +3,10 @@
 import cv2
 import numpy as np
 
+from ..base.arguments import instance
 from ..mission.trace import make_traces
 from ..models.world import World
+from ..scenarios import Scenario
 from .cameras import check_camera
 from .film import SHOWN_FOR, Film, check_size
 
@@ -25,7 +27,7 @@ class LiveFilm:
     """
 
     def __init__(self, scenario, camera="overview", size=(1280, 720)):
-        check_camera(camera, scenario)
+        check_camera(camera, instance("scenario", scenario, Scenario))
         self.camera, self.size = camera, check_size(size)
         self._film: Film | None = None
         self._world: World | None = None

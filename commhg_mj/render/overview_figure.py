@@ -2,13 +2,14 @@
 
 from contextlib import closing
 from dataclasses import dataclass
-from pathlib import Path
 
 import cv2
 import numpy as np
 
+from ..base.arguments import path_of
 from ..base.files import whole_file
 from ..base.terms import Activity, TaskType
+from ..mission.trace import Trace
 from ..models.world import World, make_world
 from . import marks
 from . import palette as ink
@@ -60,7 +61,9 @@ def overview_figure(source, out) -> None:
       ValueError: `out` does not end in .png or cannot be written.
       RuntimeError: OpenGL is missing.
     """
-    if Path(out).suffix.lower() != ".png":
+    if not isinstance(source, (Trace, World)):
+        raise ValueError(f"source must be a Trace or a World, is {type(source).__name__}")
+    if path_of("out", out).suffix.lower() != ".png":
         raise ValueError(f"{out}: the name must end in .png")
     if isinstance(source, World):
         world, moment = source, _outward(source)

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..base.arguments import instance, number, said, second
 from ..base.terms import KEEP, NOBODY, Activity
 from ..mission.observe import Observations
 from ..mission.trace import Trace
@@ -72,11 +73,12 @@ class Replayer:
     """
 
     def __init__(self, trace: Trace, policy: str | None = None, name="the trace"):
-        self.trace, self.name, self.policy = trace, name, policy or trace.policy
+        self.trace, self.name = instance("trace", trace, Trace), name
+        self.policy = trace.policy if policy is None else policy
         try:
             find_policy(self.policy)
         except ValueError as error:
-            hint = "" if policy else f"{name} was flown by {trace.policy!r}; name its policy or weights by --policy: "
+            hint = "" if policy is not None else f"{name} was flown by {trace.policy!r}; name its policy or weights by --policy: "
             raise ValueError(f"{hint}{error}") from None
         self._act: Any
         batch, self._act = prepare(self.policy, trace.scenario, [trace.seed], trace.links, trace.limitation, record=True)
@@ -89,7 +91,7 @@ class Replayer:
         Raises:
           ValueError: the mission goes another way than the trace; the message names the trace and the policy.
         """
-        batch, now = self._batch, 0
+        batch, now, until = self._batch, 0, number("until", until, 0, np.inf)
         seen = batch.observations
         while not batch.over[0] and now <= until:
             chosen, truth = self._act(seen), _truth_of(batch)
@@ -121,10 +123,9 @@ def last_decision(flight: Replayer, robot: str, at: float) -> Decision:
       ValueError: no such robot or second, the robot has failed by then, or the trace is another policy's.
     """
     trace, names = flight.trace, flight.trace.scenario.robot_names
-    if robot not in names:
-        raise ValueError(f"--robot must be one of {', '.join(names)}, is {robot!r}")
-    if not 0 <= at <= trace.ticks:
-        raise ValueError(f"--at {at:g} lies outside the mission, 0..{trace.ticks} s")
+    if not isinstance(robot, str) or robot not in names:
+        raise ValueError(f"--robot must be one of {', '.join(names)}, is {said(robot)}")
+    at = second("--at", at, trace.ticks)
     r = names.index(robot)
     failed = np.flatnonzero(trace.robot_activity[: int(at) + 1, r] == Activity.FAILED)
     if len(failed):

@@ -3,6 +3,9 @@
 import dataclasses
 import re
 
+import numpy as np
+
+from ..base.arguments import instance, said
 from .heightmap import brightness
 
 LONGEST_NAME = 64
@@ -22,13 +25,22 @@ RANGES = {
 def check(rules, prefix="") -> None:
     """ValueError unless every value of a dataclass has its field's type and lies in its field's bounds."""
     for field in dataclasses.fields(rules):
-        value, name = getattr(rules, field.name), f"{prefix}{field.name}"
-        if dataclasses.is_dataclass(value):
-            check(value, f"{name}.")
+        name, kind = f"{prefix}{field.name}", type(field.default)
+        value = _plain(getattr(rules, field.name))
+        object.__setattr__(rules, field.name, value)
+        if dataclasses.is_dataclass(kind):
+            check(instance(name, value, kind), f"{name}.")
         elif field.metadata:
             _check_value(name, value, field)
             if (prefix.rstrip("."), field.name) in RANGES and value[0] > value[1]:
                 raise ValueError(f"{name}: the lower end {value[0]} is above the upper end {value[1]}")
+
+
+def _plain(value):
+    """numpy's numbers and lists of them as Python's, which JSON holds."""
+    if isinstance(value, (np.ndarray, np.generic)):
+        value = value.tolist()
+    return tuple(map(_plain, value)) if isinstance(value, (list, tuple)) else value
 
 
 def _check_value(name, value, field):
@@ -36,22 +48,22 @@ def _check_value(name, value, field):
     choices = field.metadata["choices"]
     if name == "world.heightmap":
         if not isinstance(value, str):
-            raise ValueError(f"{name} must be the content of a picture, is {value!r}")
+            raise ValueError(f"{name} must be the content of a picture, is {said(value)}")
         if value:
             brightness(value)
         return
     if choices:
         if value not in choices:
-            raise ValueError(f"{name} must be one of {', '.join(choices)}, is {value!r}")
+            raise ValueError(f"{name} must be one of {', '.join(choices)}, is {said(value)}")
         return
     if isinstance(default, str):
         if not isinstance(value, str) or not NAME.fullmatch(value):
-            raise ValueError(f"{name} must be up to 64 letters, digits, '-', '_' or '.', and begin with one, is {value!r}")
+            raise ValueError(f"{name} must be up to 64 letters, digits, '-', '_' or '.', and begin with one, is {said(value)}")
         return
     if isinstance(default, tuple) and not isinstance(value, tuple):
-        raise ValueError(f"{name} must be a list of {len(default)} numbers, is {value!r}")
+        raise ValueError(f"{name} must be a list of {len(default)} numbers, is {said(value)}")
     if isinstance(value, tuple) and not isinstance(default, tuple):
-        raise ValueError(f"{name} must be one number, is {list(value)!r}")
+        raise ValueError(f"{name} must be one number, is {said(list(value))}")
     if isinstance(default, tuple) and name != "tasks.values" and len(value) != len(default):
         raise ValueError(f"{name} must hold {len(default)} numbers, holds {len(value)}")
     items = value if isinstance(value, tuple) else (value,)
@@ -61,7 +73,7 @@ def _check_value(name, value, field):
     for item in items:
         whole = isinstance(item, int) and not isinstance(item, bool)
         if not whole and (isinstance(kind, int) or not isinstance(item, float)):
-            raise ValueError(f"{name} must be {'a whole number' if isinstance(kind, int) else 'a number'}, is {item!r}")
+            raise ValueError(f"{name} must be {'a whole number' if isinstance(kind, int) else 'a number'}, is {said(item)}")
         low, high = field.metadata["low"], field.metadata["high"]
         if not low <= item <= high:
-            raise ValueError(f"{name} must lie in {low:g}..{high:g}, is {item!r}")
+            raise ValueError(f"{name} must lie in {low:g}..{high:g}, is {said(item)}")

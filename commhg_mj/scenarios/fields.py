@@ -32,7 +32,10 @@ class WorldRules:
     mountain_height: tuple = _field((60.0, 150.0), "m", "D", "lowest and highest summit; a heightmap's white", 5, 1000)
     heightmap: str = _field("", "", "D", "the mountains' picture: a TOML file names a PNG (docs/worlds.md); empty: drawn ones")
     poi_spacing: float = _field(0.02, "of the side", "D", "no two POIs closer", 0, 0.1)
-    uav_height: float = _field(60.0, "m", "D", "flight height above the ground below", 1, 500)
+    uav_height: float = _field(60.0, "m", "D", "flight height above the floor of flights, over plains above the ground", 1, 500)
+    uav_slope: float = _field(
+        0.4, "rise over run", "D", "of the floor of flights, at most: climbs of 7 m/s autonomously, 10 m/s controlled", 0.01, 1e6
+    )
     ugv_radius: float = _field(2.0, "m", "D", "footprints are inflated by it for routes", 0.1, 20)
     mast_height: float = _field(15.0, "m", "D", "station antenna above the ground", 1, 200)
 
@@ -141,7 +144,7 @@ class RadioRules:
     )  # fmt: skip
     shadowing: float = _field(0.0, "dB", "D", "sigma of log-normal shadowing; 0: none, 4 is usual", 0, 20)
     shadowing_length: float = _field(25.0, "m", "D", "along this way shadowing decorrelates to 1/e", 0.1, 1e4)
-    uav_antenna: float = _field(0.0, "m", "D", "above the UAV's flight height", 0, 50)
+    uav_antenna: float = _field(0.0, "m", "D", "above the UAV", 0, 50)
     ugv_antenna: float = _field(1.0, "m", "D", "above the ground; the station's is world.mast_height", 0.1, 50)
     fitted_forest_decay: float = _field(475.2, "m", "D", "abstract-fit: l_f by maximum likelihood", 0.01, 1e9)
     fitted_mountain_decay: float = _field(204.0, "m", "D", "abstract-fit: l_m, likewise", 0.01, 1e9)

@@ -7,6 +7,7 @@ import zlib
 from collections.abc import Iterator
 from pathlib import Path
 
+from ..base.arguments import instance, path_of
 from .checks import LONGEST_NAME, UNNAMEABLE
 from .fields import Scenario
 from .heightmap import read_heightmap
@@ -76,7 +77,7 @@ def with_heightmap(scenario, path, height: float | None = None) -> Scenario:
     """
     scenario = load_scenario(scenario)
     heights = scenario.world.mountain_height if height is None else (height, height)
-    world = dataclasses.replace(scenario.world, heightmap=read_heightmap(path), mountain_height=heights)
+    world = dataclasses.replace(scenario.world, heightmap=read_heightmap(path_of("path", path)), mountain_height=heights)
     return dataclasses.replace(scenario, world=world)
 
 
@@ -89,7 +90,7 @@ def with_profile(scenario: Scenario, profile: str | None) -> Scenario:
 
 def from_dict(table: dict) -> Scenario:
     """The scenario that a (TOML or JSON) table describes: `base`, then overrides field by field."""
-    table = dict(table)
+    table = dict(instance("table", table, dict))
     base = table.pop("base", "medium")
     if not isinstance(base, str) or base not in SCENARIOS:
         raise ValueError(f"base must be one of {', '.join(SCENARIOS)}, is {base!r}")
@@ -120,7 +121,7 @@ def to_json(scenario: Scenario) -> str:
 
 def from_json(text: str) -> Scenario:
     """The scenario that `to_json` wrote."""
-    return _override(SCENARIOS["medium"], json.loads(text), "")
+    return _override(SCENARIOS["medium"], json.loads(instance("text", text, str)), "")
 
 
 def describe(scenario: Scenario) -> Iterator[tuple]:

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 
+from ..base.arguments import missions_of, names
 from ..base.files import whole_file
 from ..flights.held_out import HELD_OUT
 from ..flights.statistics import mean_interval, middle_interval
@@ -13,7 +14,7 @@ from ..replay.communication import FIGURES, fly_and_listen
 
 def evaluate(scenario, policies, n_missions, links, limitation, workers, advance) -> dict:
     """{policy: score and figures of communication of each of the same held-out missions}."""
-    seeds = range(HELD_OUT, HELD_OUT + n_missions)
+    policies, seeds = names("policies", policies), range(HELD_OUT, HELD_OUT + missions_of("n_missions", n_missions))
     for policy in policies:
         find_policy(policy)  # refuses a bad one before anything flies
     return {policy: fly_and_listen(scenario, policy, seeds, links, limitation, workers, advance) for policy in policies}

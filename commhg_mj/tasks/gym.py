@@ -6,7 +6,7 @@ import gymnasium
 import numpy as np
 from gymnasium import spaces
 
-from ..mission.batch import check_seed
+from ..base.arguments import check_seed, said
 from .registration import PlainSpec
 from .spaces import team_space
 from .team import Team
@@ -39,7 +39,7 @@ class MissionEnv(PlainSpec, gymnasium.Env):
     def __init__(self, scenario="medium", render_mode=None, camera="overview", size=(960, 540), record=False, **options):
         check_render_mode(render_mode, self.metadata)
         self.render_mode = render_mode
-        self.team = Team(scenario, record=record or render_mode is not None, **options)
+        self.team = Team(scenario, record=record if render_mode is None else True, **options)
         self._film = make_film(self.team, render_mode, camera, size)
         self.observation_space = team_space(self.team.scenario, self.team.choices)
         self.action_space = spaces.MultiDiscrete(self.team.choices.sizes)
@@ -113,5 +113,5 @@ def make_film(team: Team, render_mode, camera, size) -> "LiveFilm | None":
 def check_render_mode(render_mode, metadata) -> None:
     """ValueError unless the mode is None or known."""
     modes = metadata["render_modes"]
-    if render_mode is not None and render_mode not in modes:
-        raise ValueError(f"render_mode must be None{''.join(f' or {mode!r}' for mode in modes)}, is {render_mode!r}")
+    if render_mode is not None and not (isinstance(render_mode, str) and render_mode in modes):
+        raise ValueError(f"render_mode must be None{''.join(f' or {mode!r}' for mode in modes)}, is {said(render_mode)}")

@@ -5,8 +5,8 @@ from gymnasium import spaces
 from gymnasium.utils import seeding
 from pettingzoo import ParallelEnv
 
+from ..base.arguments import check_seed, instance, said
 from ..base.terms import Activity
-from ..mission.batch import check_seed
 from .choices import PER_ROBOT, as_array
 from .gym import RENDER_FPS, check_render_mode, make_film
 from .spaces import table_space
@@ -68,7 +68,7 @@ class MissionParallelEnv(ParallelEnv):
     def __init__(self, scenario="medium", render_mode=None, camera="overview", size=(960, 540), record=False, **options):
         check_render_mode(render_mode, self.metadata)
         self.render_mode = render_mode
-        self.team = Team(scenario, record=record or render_mode is not None, **options)
+        self.team = Team(scenario, record=record if render_mode is None else True, **options)
         self._film = make_film(self.team, render_mode, camera, size)
         scenario = self.team.scenario
         robots = [f"{name[:3]}_{name[3:]}" for name in scenario.robot_names]
@@ -79,11 +79,11 @@ class MissionParallelEnv(ParallelEnv):
 
     def observation_space(self, agent) -> spaces.Dict:
         """{"observation": the role's tables, "action_mask": …}."""
-        return self._roles[agent].observation_space
+        return self._role(agent).observation_space
 
     def action_space(self, agent) -> spaces.Discrete | spaces.MultiDiscrete:
         """Robots: MultiDiscrete (task, broadcast, message); humans: Discrete."""
-        return self._roles[agent].action_space
+        return self._role(agent).action_space
 
     def reset(self, seed=None, options=None) -> tuple[dict, dict]:
         """A new mission: of that seed, or the next one that the last seed leads to. There are no options."""
@@ -122,18 +122,21 @@ class MissionParallelEnv(ParallelEnv):
         if self._film:
             self._film.close()
 
+    def _role(self, agent):
+        if not isinstance(agent, str) or agent not in self._roles:
+            raise ValueError(f"unknown agent {said(agent)}: use {', '.join(self.possible_agents)}")
+        return self._roles[agent]
+
     def _join(self, actions):
         """The team's action of the agents' ones."""
         joint = np.zeros(len(self.team.choices.sizes))
         present = set(self.agents)
-        for agent, action in actions.items():
-            if agent not in self._roles:
-                raise ValueError(f"unknown agent {agent!r}: use {', '.join(self.possible_agents)}")
+        for agent, action in instance("actions", actions, dict).items():
+            own = self._role(agent).choices
             if agent in present:
-                own = self._roles[agent].choices
                 values = as_array(action)
                 if values.size != own.stop - own.start or values.ndim > 1 or values.dtype.kind not in "iuf":
-                    raise ValueError(f"action of {agent} must fit {self.action_space(agent)}, is {action!r}")
+                    raise ValueError(f"action of {agent} must fit {self.action_space(agent)}, is {said(action)}")
                 joint[own] = values
         return joint
 

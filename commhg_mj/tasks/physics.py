@@ -7,6 +7,7 @@ import numpy as np
 from dm_control import mujoco
 from dm_control.mujoco import wrapper
 
+from ..base.arguments import positive, said
 from ..base.opengl_thread import use_gl
 from ..models.mjcf import build_model
 from ..models.poses import attitude, robot_positions
@@ -90,7 +91,7 @@ class Physics(mujoco.Physics):
         """
         body = mj.mj_name2id(self.model.ptr, mj.mjtObj.mjOBJ_BODY, name) if isinstance(name, str) else -1
         if body < 0:
-            raise ValueError(f"unknown body {name!r}: use {', '.join(self._antennas)}, operator0, poi0, …")
+            raise ValueError(f"unknown body {said(name)}: use {', '.join(self._antennas)}, operator0, poi0, …")
         return self.data.xpos[body].copy()
 
     def distance(self, a: str, b: str) -> float:
@@ -103,8 +104,8 @@ class Physics(mujoco.Physics):
         Raises:
           ValueError: it has none.
         """
-        if name not in self._antennas:
-            raise ValueError(f"{name!r} has no antenna: use {', '.join(self._antennas)}")
+        if not isinstance(name, str) or name not in self._antennas:
+            raise ValueError(f"{said(name)} has no antenna: use {', '.join(self._antennas)}")
         return self.position(name) + [0.0, 0.0, self._antennas[name]]
 
     def canopy_depth(self, a: str, b: str) -> float:
@@ -132,5 +133,5 @@ class Physics(mujoco.Physics):
 
 def _model_of(world, pictures, timestep):
     model = build_model(world, pictures)
-    model.opt.timestep = timestep
+    model.opt.timestep = positive("timestep", timestep)
     return wrapper.MjModel(model)

@@ -2,6 +2,7 @@
 
 from dm_control.rl import control
 
+from ..base.arguments import options_of, said
 from . import surveillance
 
 DOMAINS = {"surveillance": surveillance}
@@ -31,11 +32,11 @@ def load(domain_name, task_name, task_kwargs=None, environment_kwargs=None, visu
     Raises:
       ValueError: there is no such domain or task, or an option is impossible; the message names it.
     """
-    if domain_name not in DOMAINS:
-        raise ValueError(f"unknown domain {domain_name!r}: use {', '.join(DOMAINS)}")
+    if not isinstance(domain_name, str) or domain_name not in DOMAINS:
+        raise ValueError(f"unknown domain {said(domain_name)}: use {', '.join(DOMAINS)}")
     suite = DOMAINS[domain_name].SUITE
-    if task_name not in suite:
-        raise ValueError(f"unknown task {task_name!r} of {domain_name}: use {', '.join(suite)}")
-    env = suite[task_name](environment_kwargs=environment_kwargs, **(task_kwargs or {}))
+    if not isinstance(task_name, str) or task_name not in suite:
+        raise ValueError(f"unknown task {said(task_name)} of {domain_name}: use {', '.join(suite)}")
+    env = suite[task_name](environment_kwargs=environment_kwargs, **options_of("task_kwargs", task_kwargs))
     env.task.visualize_reward = visualize_reward
     return env

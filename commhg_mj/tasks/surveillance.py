@@ -1,7 +1,6 @@
 """The domain of surveillance missions, one task a scenario, in the manner of dm_control's suite."""
 
 import copy
-from numbers import Real
 
 import numpy as np
 import tree
@@ -10,8 +9,8 @@ from dm_control.utils import containers
 from dm_env import TimeStep, specs
 from dm_env.specs import BoundedArray
 
+from ..base.arguments import check_seed, flag, number, options_of, said
 from ..base.terms import Activity
-from ..mission.batch import check_seed
 from ..models.world import make_world
 from ..scenarios import SCENARIOS
 from .columns import COLUMNS, ROWS, table_bounds, table_shape
@@ -33,8 +32,8 @@ def make(scenario, random=None, pictures=True, environment_kwargs=None, **option
       options: of `commhg_mj.tasks.Team`.
     """
     task = Surveillance(scenario, random, **options)
-    physics = Physics.from_world(make_world(task.team.scenario, task.next_seed), pictures, task.timestep)
-    return MissionEnvironment(physics, task, **(environment_kwargs or {}))
+    physics = Physics.from_world(make_world(task.team.scenario, task.next_seed), flag("pictures", pictures), task.timestep)
+    return MissionEnvironment(physics, task, **options_of("environment_kwargs", environment_kwargs))
 
 
 def _add(scenario):
@@ -82,7 +81,7 @@ class Surveillance(control.Task):
     @_random.setter
     def _random(self, drawer):
         if not isinstance(drawer, np.random.RandomState):
-            raise ValueError(f"random must be a numpy RandomState, is {drawer!r}")
+            raise ValueError(f"random must be a numpy RandomState, is {said(drawer)}")
         self._drawer, self._given = drawer, None
 
     @property
@@ -170,10 +169,9 @@ class MissionEnvironment(control.Environment):
     """
 
     def __init__(self, physics, task, flat_observation=False, gamma=None):
-        if gamma is not None and not (isinstance(gamma, Real) and 0.0 <= float(gamma) <= 1.0):
-            raise ValueError(f"gamma must lie in 0..1, is {gamma!r}")
+        gamma, is_flat = gamma if gamma is None else number("gamma", gamma, 0, 1), flag("flat_observation", flat_observation)
         super().__init__(physics, task)
-        self._is_flat, self._gamma = flat_observation, gamma
+        self._is_flat, self._gamma = is_flat, gamma
 
     def reset(self, seed=None) -> TimeStep:
         """The first step of the next episode, or of the mission with that seed."""

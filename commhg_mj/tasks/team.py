@@ -7,11 +7,12 @@ from typing import Any
 import numpy as np
 from gymnasium.error import ResetNeeded
 
+from ..base.arguments import check_seed, flag, said, whole
 from ..base.kernels import kernel
-from ..mission.batch import LONGEST_STEP, MissionBatch, check_seed
+from ..mission.batch import LONGEST_STEP, MissionBatch
 from ..mission.decide import Decisions
 from ..mission.score import score_mission
-from ..radio.link_models import radio_rules
+from ..radio.link_models import DEFAULT_LINKS, radio_rules
 from ..scenarios import Scenario, load_scenario
 from .choices import Choices, close_choices, open_choices, read_actions
 from .tables import fill_tables, new_tables
@@ -44,16 +45,13 @@ class Team:
       ValueError: an argument is impossible; the message names it.
     """
 
-    def __init__(self, scenario, links="abstract", limitation="nominal", period=0, seeds=None, record=False):
+    def __init__(self, scenario, links=DEFAULT_LINKS, limitation="nominal", period=0, seeds=None, record=False):
         self.scenario: Scenario = load_scenario(scenario)
         radio_rules(self.scenario, links, limitation)
-        if isinstance(period, bool) or not isinstance(period, (int, np.integer)) or not 0 <= period <= LONGEST_STEP:
-            raise ValueError(
-                f"period must be a whole number of seconds in 0..{LONGEST_STEP}, 0 for decision epochs, is {period!r}"
-            )
+        self.period, self.record = whole("period", period, 0, LONGEST_STEP), flag("record", record)
         seeds = read_range(seeds)
         check_seeds(seeds)
-        self.links, self.limitation, self.period, self.seeds, self.record = links, limitation, int(period), seeds, record
+        self.links, self.limitation, self.seeds = links, limitation, seeds
         self.choices = Choices(self.scenario)
         self._batch: MissionBatch | None = None
 
@@ -160,7 +158,7 @@ def check_seeds(seeds) -> None:
         return
     is_row = seeds.ndim == 1 if isinstance(seeds, np.ndarray) else isinstance(seeds, Sequence) and not isinstance(seeds, str)
     if not is_row or not len(seeds):
-        raise ValueError(f"seeds must be a list or range of seeds, is {' '.join(repr(seeds).split())}")
+        raise ValueError(f"seeds must be a list or range of seeds, is {said(seeds)}")
     for seed in (seeds[0], seeds[-1]) if isinstance(seeds, range) else seeds:
         try:
             check_seed(seed)

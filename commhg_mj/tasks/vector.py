@@ -1,6 +1,7 @@
 """Many teams as one Gymnasium vector environment, straight over the batch kernel."""
 
 import copy
+from collections.abc import Iterable
 from numbers import Integral
 
 import gymnasium
@@ -10,7 +11,8 @@ from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 
-from ..mission.batch import MissionBatch, check_seed
+from ..base.arguments import check_seed, flag, missions_of
+from ..mission.batch import MissionBatch
 from .gym import RENDER_FPS, check_render_mode, inform_teams, make_film, observe_teams
 from .registration import PlainSpec
 from .spaces import team_space
@@ -39,11 +41,9 @@ class MissionVectorEnv(PlainSpec, gymnasium.vector.VectorEnv):
         **options,
     ):  # fmt: skip
         check_render_mode(render_mode, self.metadata)
-        if isinstance(num_envs, bool) or not isinstance(num_envs, (int, np.integer)) or num_envs < 1:
-            raise ValueError(f"num_envs must be a whole number of at least 1, is {num_envs!r}")
-        self.num_envs, self.copy, self.render_mode = int(num_envs), copy, render_mode
-        self.team = Team(scenario, record=record or render_mode is not None, **options)
-        num_envs = self.num_envs
+        num_envs, self.copy, self.render_mode = missions_of("num_envs", num_envs), flag("copy", copy), render_mode
+        self.num_envs = num_envs
+        self.team = Team(scenario, record=record if render_mode is None else True, **options)
         self._films = [make_film(self.team, render_mode, camera, size) for _ in range(num_envs)]
         self.single_observation_space = team_space(self.team.scenario, self.team.choices)
         self.single_action_space = spaces.MultiDiscrete(self.team.choices.sizes)
@@ -55,8 +55,10 @@ class MissionVectorEnv(PlainSpec, gymnasium.vector.VectorEnv):
         """New missions: of those seeds, of `seed`, `seed + 1`, …, or of the next ones. There are no options."""
         if seed is None or isinstance(seed, Integral):
             seeds = [None if seed is None else check_seed(seed) + e for e in range(self.num_envs)]
-        else:
+        elif isinstance(seed, Iterable) and not isinstance(seed, str):
             seeds = [None if one is None else check_seed(one) for one in seed]
+        else:
+            seeds = [check_seed(seed)]
         if len(seeds) != self.num_envs:
             raise ValueError(f"seed must be one number or {self.num_envs}, is {seed!r}")
         self._randoms = [old if new is None else seeding.np_random(new)[0] for new, old in zip(seeds, self._randoms)]

@@ -7,7 +7,7 @@ from contextlib import closing
 
 import pytest
 
-from commhg_mj.base.files import whole_file
+from commhg_mj.base.files import held, whole_file
 
 
 def write(out, text="new"):
@@ -67,3 +67,17 @@ def test_after_an_error_the_old_file_is_as_it_was(tmp_path):
         part.write_text("half")
         raise OSError(28, "No space left on device")
     assert out.read_text() == "old" and list(tmp_path.iterdir()) == [out]
+
+
+def test_a_folder_is_held_once(tmp_path):
+    with held(tmp_path):
+        with pytest.raises(ValueError, match=f"^{tmp_path} is in use by another process$"), held(tmp_path):
+            pass
+    with held(tmp_path):
+        assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_a_folder_that_cannot_be_held_is_named(tmp_path):
+    (tmp_path / ".lock").mkdir()
+    with pytest.raises(ValueError, match=f"^cannot write {tmp_path}: "), held(tmp_path):
+        pass

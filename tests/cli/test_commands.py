@@ -361,6 +361,32 @@ def test_bad_render(refused, trace, arguments, said):
     assert said in refused("render", trace, *arguments)
 
 
+@pytest.mark.parametrize(
+    "arguments, said",
+    [
+        ("render TRACE --out p.png --at 1 --from 2", "--from has no effect beside --at"),
+        ("render TRACE --out p.png --at 1 --speed 2", "--speed has no effect beside --at"),
+        ("render TRACE --out v.mp4 --coverage-height 2", "--coverage-height has no effect without --coverage"),
+        ("links --trace TRACE --from uav0 --to uav1 --seed 3", "--seed has no effect beside --trace"),
+        ("links --trace TRACE --from uav0 --to uav1 --limitation high", "--limitation has no effect beside --trace"),
+        ("bench --train --start", "--start has no effect beside --train"),
+    ],
+)
+def test_options_without_effect(refused, trace, arguments, said):
+    assert said in refused(*arguments.replace("TRACE", str(trace)).split())
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    ["evaluate --out nowhere/f.json", "coverage --out nowhere/f.png", "publish RUN --out file", "publish RUN --out file/in"],
+)
+def test_outputs_are_refused_before_the_work(refused, tmp_path, monkeypatch, arguments):
+    for work in ("study.evaluation.evaluate", "planning.coverage.cover", "study.model_card.make_card"):
+        monkeypatch.setattr(f"commhg_mj.{work}", lambda *arguments: pytest.fail("it has begun"))
+    (tmp_path / "file").touch()
+    assert arguments.split()[-1] in refused(*arguments.split())
+
+
 def damaged_files(good: bytes):
     """(name, bytes) of files that are no trace of ours."""
     yield "empty.npz", b""

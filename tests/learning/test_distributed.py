@@ -7,7 +7,7 @@ import pytest
 import torch
 from learners import run, same_bits, updated
 
-from commhg_mj.learning.distributed import ALONE, ProcessGroup, WorkerEnded, process_group
+from commhg_mj.learning.distributed import ALONE, NotConnected, ProcessGroup, WorkerEnded, _meet, process_group
 from commhg_mj.learning.train import TRAINING_SEEDS, Training
 
 SIZE = 2
@@ -95,3 +95,15 @@ def test_the_end_of_another_process_is_told():
         group.total(1)
         for _ in range(100):
             group.total(1)
+
+
+def test_a_network_that_does_not_work_is_named(tmp_path, monkeypatch):
+    def fail(*arguments, **options):
+        raise RuntimeError("[enforce fail at gloo/device.cc:84] Unable to find address for: lo\nmore")
+
+    monkeypatch.setattr("torch.distributed.init_process_group", fail)
+    monkeypatch.setenv("GLOO_SOCKET_IFNAME", "lo")
+    with pytest.raises(NotConnected) as caught, _meet(tmp_path, 0, SIZE):
+        pass
+    said = "workers cannot meet over the network device lo (Unable to find address for: lo): --workers 1 needs none"
+    assert str(caught.value) == said

@@ -13,10 +13,12 @@ import pytest
 import torch
 from learners import NAMES, QUICK
 
+from commhg_mj.base.files import LOCK, held
 from commhg_mj.base.kernels import ensure_compiled
 from commhg_mj.cli.training import Train
 from commhg_mj.flights.statistics import mean_interval, middle_interval
 from commhg_mj.learning import curriculum, ppo, train
+from commhg_mj.learning.distributed import ProcessGroup
 from commhg_mj.learning.registry import find_method
 from commhg_mj.learning.train import Plan
 from commhg_mj.learning.weights import load_weights, save_weights
@@ -65,7 +67,8 @@ def options(tiny, out, **more):
 def test_train_then_evaluate(run, tiny, tmp_path, method):
     code, out, err = run("train", *options(tiny, "r", method=method, missions=4))
     assert code == 0 and "weights.safetensors after" in out and "update    1" in err and "TWCR" in err
-    assert sorted(path.name for path in (tmp_path / "r").iterdir()) == ["log.csv", "plan.json", "state.pt", "weights.safetensors"]
+    files = [".lock", "log.csv", "plan.json", "state.pt", "weights.safetensors"]
+    assert sorted(path.name for path in (tmp_path / "r").iterdir()) == files
     weights = "r/weights.safetensors"
     code, out, err = run(
         "evaluate", "--policy", "greedy", weights, "--scenario", tiny, "--missions", 4, "--workers", 1, "--out", "e.json"
@@ -87,12 +90,12 @@ def test_resume_goes_on_where_an_interrupted_run_stood(run, tiny, tmp_path, monk
         return update(training)
 
     monkeypatch.setattr(train.Training, "update", interrupt)
-    code, _, err = run("train", *options(tiny, "r"))
+    code, _, err = run("train", *options(tiny, "r", method="mappo"))
     assert code == 130 and err.splitlines()[-1].endswith("commhg-mj train --resume --out r") and err.count("interrupted") == 1
     monkeypatch.setattr(train.Training, "update", update)
     assert train.Training.resume(tmp_path / "r").updates == 2
     assert run("train", "--out", "r", "--resume")[0] == 0
-    assert run("train", *options(tiny, "whole"))[0] == 0
+    assert run("train", *options(tiny, "whole", method="mappo"))[0] == 0
     one, other = (torch.load(tmp_path / name / "state.pt", weights_only=True) for name in ("r", "whole"))
     assert all(torch.equal(one["method"][key], other["method"][key]) for key in one["method"])
     assert one["counts"][:2] == other["counts"][:2] and one["counts"][0] > 2
@@ -100,13 +103,100 @@ def test_resume_goes_on_where_an_interrupted_run_stood(run, tiny, tmp_path, monk
     assert updates == ["update", *map(str, range(1, one["counts"][0] + 1))]
     # A run that is done stays as it is.
     before = (tmp_path / "r" / "state.pt").read_bytes()
-    assert run("train", "--out", "r", "--resume")[0] == 0
+    code, out, _ = run("train", "--out", "r", "--resume")
+    assert code == 0 and "nothing was left to do: all 12 missions are flown" in out
     assert (tmp_path / "r" / "state.pt").read_bytes() == before
+
+
+def same_run(one, other):
+    """Whether two runs' folders hold the same networks, counts and schedule."""
+    one, other = (torch.load(folder / "state.pt", weights_only=True) for folder in (one, other))
+    plans = [json.loads(state["plan"]) for state in (one, other)]
+    same = all(torch.equal(one["method"][key], other["method"][key]) for key in one["method"])
+    return same and one["counts"][:3] == other["counts"][:3] and plans[0] == plans[1]
+
+
+@pytest.mark.parametrize("begun", [True, False], ids=["at one rate", "before its first update"])
+def test_a_run_is_lengthened_to_the_bits_of_a_longer_one(run, tiny, tmp_path, monkeypatch, begun):
+    if begun:
+        monkeypatch.setattr(ppo.Learner, "set_rate", lambda learner, share: None)
+        assert run("train", *options(tiny, "r", missions=1, method="mappo"))[0] == 0
+    else:
+        with monkeypatch.context() as patch:
+            patch.setattr(train.Training, "update", lambda training: signal.raise_signal(signal.SIGINT))
+            assert run("train", *options(tiny, "r", missions=1, method="mappo"))[0] == 130
+    code, out, _ = run("train", "--resume", "--out", "r", "--missions", 10)
+    assert code == 0 and "nothing" not in out
+    assert run("train", *options(tiny, "whole", missions=10, method="mappo"))[0] == 0
+    assert same_run(tmp_path / "r", tmp_path / "whole")
+    assert (tmp_path / "r/plan.json").read_text() == (tmp_path / "whole/plan.json").read_text()
+
+
+def test_a_run_that_was_lengthened_and_killed_is_as_long_as_its_plan(run, tiny, tmp_path):
+    assert run("train", *options(tiny, "r", missions=1, method="mappo"))[0] == 0
+    plan = curriculum.read_plan(tmp_path / "r")
+    curriculum.write_plan(replace(plan, missions=10), tmp_path / "r")  # and no update after it
+    assert run("train", "--resume", "--out", "r")[0] == 0
+    assert train.Training.resume(tmp_path / "r").missions >= 10
+
+
+def test_what_cannot_change_is_refused_beside_resume(run, refused, tiny, tmp_path):
+    own = options(tiny, "r", seed=3, method="mappo")
+    assert run("train", *own)[0] == 0
+    before = {path: path.read_bytes() for path in (tmp_path / "r").iterdir()}
+    for changes, said in {
+        ("--seed", 0): "--seed 0 (it has 3)",
+        ("--seed", 1796000000123456789): "--seed 1796000000123456789 (it has 3)",
+        ("--lam", 0.9, "--side-by-side", 7): "--side-by-side 7 (it has 6), --lam 0.9 (it has 0.95)",
+        ("--scenario", "medium"): "--scenario medium (it has 'tiny')",
+        ("--init", "small-to-large", "--workers", 2, "--missions", 99): "--workers 2",
+        ("--missions", 5): "--missions 5: the run in r has 12 and can only become longer",
+    }.items():
+        assert said in refused("train", "--resume", "--out", "r", *changes)
+    assert before == {path: path.read_bytes() for path in (tmp_path / "r").iterdir()}
+    assert run("train", "--resume", *own)[0] == 0, "its own options are no change"
+
+
+HOLD = "import sys; from filelock import FileLock\nwith FileLock(sys.argv[1]): print(flush=True); sys.stdin.read()"
+
+
+@pytest.fixture
+def hold(tmp_path):
+    """Let another process hold a folder; returns that process."""
+    processes = []
+
+    def hold(folder):
+        folder.mkdir(exist_ok=True)
+        command = [sys.executable, "-c", HOLD, folder / LOCK]
+        processes.append(subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE))
+        processes[-1].stdout.readline()
+        return processes[-1]
+
+    yield hold
+    for process in processes:
+        process.kill()
+        process.communicate()
+
+
+def test_a_folder_in_which_another_process_trains_is_refused(run, refused, tiny, tmp_path, hold):
+    holder = hold(tmp_path / "r")
+    assert "r is in use by another process" in refused("train", *options(tiny, "r"))
+    assert [path.name for path in (tmp_path / "r").iterdir()] == [LOCK]
+    holder.kill()
+    holder.wait()
+    assert run("train", *options(tiny, "r", missions=1, method="mappo"))[0] == 0
+    hold(tmp_path / "r")
+    before = {path: path.read_bytes() for path in (tmp_path / "r").iterdir()}
+    for more in ([], ["--missions", 99]):
+        assert "r is in use by another process" in refused("train", "--resume", "--out", "r", *more)
+    assert before == {path: path.read_bytes() for path in (tmp_path / "r").iterdir()}
 
 
 def test_minutes_stop_a_run_early(run, tiny, tmp_path):
     assert run("train", *options(tiny, "r", minutes=0.0001, missions=10**6))[0] == 0
     assert train.Training.resume(tmp_path / "r").updates == 1
+    code, out, _ = run("train", "--resume", "--out", "r", "--minutes", 0.0001)
+    assert code == 0 and "nothing was left to do: more --minutes" in out
 
 
 def test_a_run_is_not_overwritten(run, refused, tiny, tmp_path):
@@ -234,13 +324,47 @@ def test_the_smallest_scenario_begins_from_nothing(run, tiny, tmp_path):
     assert plan.init == "" and plan.hyper.entropy == QUICK.entropy
 
 
+def start(*arguments, before=()):
+    main = "import sys; from commhg_mj_main import main; sys.exit(main())"
+    command = [*before, sys.executable, "-c", main, "train", *map(str, arguments)]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("workers", [1, 2])
+def test_of_two_that_begin_in_one_folder_at_once_one_trains(tiny, tmp_path, workers):
+    folder = tmp_path / "r"
+    arguments = options(tiny, folder, missions=10**6, workers=workers)
+    both = [start(*arguments, "--seed", seed) for seed in (0, 1)]
+    while not (folder / train.STATE).exists() or all(process.poll() is None for process in both):
+        time.sleep(0.1)
+    winner, loser = sorted(both, key=lambda process: process.poll() is not None)
+    third = start("--resume", "--out", folder)
+    for process in (loser, third):
+        out, err = process.communicate(timeout=60)
+        assert (process.returncode, out, err) == (2, "", f"commhg-mj: {folder} is in use by another process\n")
+    assert winner.poll() is None
+    winner.kill()
+    winner.communicate()
+    assert train.Training.resume(folder, ProcessGroup(0, workers)).plan.seed == both.index(winner)
+    with held(folder):
+        pass
+
+
+@pytest.mark.slow
+def test_without_a_loopback_device(tiny, tmp_path):
+    apart = ["unshare", "-rn"]
+    if subprocess.run([*apart, "true"], capture_output=True).returncode:
+        pytest.skip("no network namespace is to be had")
+    out, err = start(*options(tiny, tmp_path / "r", workers=2), before=apart).communicate(timeout=60)
+    assert out == "" and err.startswith("commhg-mj: workers cannot meet over the network device lo (") and err.count("\n") == 1
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("workers, until", [(1, train.STATE), (2, train.STATE), (2, curriculum.PLAN)])
 def test_control_c_leaves_a_run_to_resume(tiny, tmp_path, workers, until):
     """A terminal interrupts all processes of a run, whether they have met already or not."""
-    main = "import sys; from commhg_mj.cli import main; sys.exit(main())"
-    command = [sys.executable, "-c", main, "train", *map(str, options(tiny, tmp_path / "r", missions=10**6, workers=workers))]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    process = start(*options(tiny, tmp_path / "r", missions=10**6, workers=workers))
     while not (tmp_path / "r" / until).exists() and process.poll() is None:
         time.sleep(0.1)
     time.sleep(0.5)  # the second process has been started
@@ -266,11 +390,12 @@ def test_retired_weights_are_refused_by_name(refused, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_seed_whose_missions_have_none_is_refused_before_anything_is_written(tiny, refused):
+def test_a_seed_whose_missions_have_none_is_refused_before_anything_is_written(tiny, tmp_path, refused):
     for seed in (1796000000123456789, -1):
-        assert "seed of a training must be a whole number in 0..9223372036852, is" in refused(
-            "train", *options(tiny, "r", missions=1, seed=seed)
-        )
+        for workers in (1, 2):
+            line = refused("train", *options(tiny, "r", missions=1, seed=seed, workers=workers))
+            assert f"seed of a training must be a whole number in 0..9223372036852, is {seed}" in line
+    assert not (tmp_path / "r").exists()
 
 
 def test_evaluation_and_training_share_no_mission():

@@ -1,8 +1,10 @@
 """Runs: what the collector remembers, and going on to the same bits after any interruption."""
 
+import contextlib
 import csv
 import dataclasses
 import json
+import resource
 import signal
 import subprocess
 import sys
@@ -267,24 +269,35 @@ def test_a_killed_run_goes_on_to_the_same_bits(killed, tmp_path):
     assert same_bits(updated(whole, 2), updated(resumed, 1))
 
 
-def test_the_state_is_whole_or_old(tmp_path, monkeypatch):
+@contextlib.contextmanager
+def largest_file(size):
+    """As on a full disk: no file can become larger."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+def test_the_state_is_whole_or_old(tmp_path):
     training = updated(run(tmp_path), 1)
     training.save()
     before = (tmp_path / STATE).read_bytes()
-    save = torch.save
-
-    def fail(state, path):
-        save(state, path)
-        with open(path, "r+b") as file:
-            file.truncate(1000)
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(torch, "save", fail)
-    with pytest.raises(ValueError, match=f"{STATE}.*No space left"):
-        updated(training, 1).save()
+    updated(training, 1)
+    with largest_file(len(before) // 2), pytest.raises(ValueError, match=f"cannot write {tmp_path / STATE}: File too large$"):
+        training.save()
     assert (tmp_path / STATE).read_bytes() == before
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted([STATE, WEIGHTS])
     assert Training.resume(tmp_path).updates == 1
+
+
+def test_weights_and_log_on_a_full_disk_are_named(tmp_path):
+    with largest_file(1000), pytest.raises(ValueError, match=f"cannot write {tmp_path / WEIGHTS}: File too large$"):
+        run(tmp_path).save()
+    log = Log(tmp_path, {"update": 1})
+    with largest_file(log.path.stat().st_size), pytest.raises(ValueError, match=f"cannot write {log.path}: File too large$"):
+        log.write({"update": 1})
 
 
 def test_a_plan_is_itself_after_a_round_trip():

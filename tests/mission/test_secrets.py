@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from strategies import change, limitations, scenarios, seeds
 
-from commhg_mj.base.terms import NOBODY, Activity, Kind, Status
+from commhg_mj.base.terms import NOBODY, Activity, Kind
 from commhg_mj.mission.batch import MissionBatch, advance_and_observe
 from commhg_mj.mission.decide import new_masks
 from commhg_mj.mission.observe import UNKNOWN, new_observations
@@ -18,8 +18,6 @@ PUBLIC = ["x", "y", "announced", "difficulty", "value", "deadline", "decay"]  # 
 HIDDEN = [
     "reward",
     "tick_reward",
-    "step_reward",
-    "fade",
     "pending_value",
     "total_value",
     "switches",
@@ -89,8 +87,9 @@ def keep_operator(state, truth, h):
 
 
 def observe(batch, n_robots, n_operators):
-    seen, masks = new_observations(1, batch.scenario), new_masks(1, batch.scenario)
-    assert advance_and_observe(batch.state.missions, np.zeros(1, int), 1.0, seen, masks) == (n_robots, n_operators)
+    seen, masks, earned = new_observations(1, batch.scenario), new_masks(1, batch.scenario), np.zeros((1, 2))
+    due = advance_and_observe(batch.state.missions, np.zeros(1, int), 1.0, earned, seen, masks)
+    assert due == (n_robots, n_operators)
     return type(seen)(*(table[:n] for table, n in zip(seen, [n_robots] * 4 + [n_operators] * 2)))
 
 
@@ -138,18 +137,18 @@ def cut_uplink(batch):
 
 
 def finish(state):
-    """Every service under way succeeds in the next second."""
+    """Every task that is held is done as soon as its robot is there."""
     end_services(state, 1.0)
 
 
 def fail(state):
-    """Every service under way fails in the next second."""
+    """Every attempt fails as soon as its robot is there."""
     end_services(state, -1.0)
 
 
 def end_services(state, chance):
-    serviced = state.tasks["status"] == Status.SERVICED
-    state.tasks["progress"][serviced], state.tasks["chance"][serviced] = 1.0, chance
+    held = state.tasks["owner"] != NOBODY
+    state.tasks["progress"][held], state.tasks["chance"][held] = 1.0, chance
 
 
 def drop(state):

@@ -5,13 +5,14 @@ from pathlib import Path
 
 import numpy as np
 
+from ...base.arguments import MOST_MISSIONS, check_seed, names, one_of, path_of, whole, workers_of
 from ...base.charts import save_figure
 from ...flights.held_out import HELD_OUT
 from ...models.world import make_world
 from ...planning.coverage import cover, coverage_figure
 from ...planning.endpoints import Endpoint
 from ...policies import find_policy
-from ...scenarios import Scenario
+from ...scenarios import LIMITATIONS, Scenario, load_scenario
 from . import figures
 from . import record_tables as tables
 from .clip import make_clip
@@ -25,7 +26,7 @@ RECEIVER = 1.5  # m above the ground: of the coverage maps
 
 def count_flights(scenario: Scenario, policies, missions: int) -> int:
     """Missions that a comparison flies in all."""
-    conditions = plan(scenario, _check(policies), missions)
+    conditions = plan(load_scenario(scenario), _check(policies), whole("missions", missions, 2, MOST_MISSIONS))
     return sum(condition.missions for condition in conditions) + link_missions(conditions[0])
 
 
@@ -46,7 +47,10 @@ def compare(
     Raises:
       ValueError: an argument is impossible, or the folder holds another comparison; the message names it.
     """
-    folder, policies = Path(out), _check(policies)
+    scenario, folder, policies = load_scenario(scenario), path_of("out", out), _check(policies)
+    missions, first_seed = whole("missions", missions, 2, MOST_MISSIONS), check_seed(first_seed)
+    one_of("limitation", limitation, LIMITATIONS)
+    workers_of(workers)
     claim_folder(folder, settings_of(scenario, policies, first_seed, limitation))
     conditions = plan(scenario, policies, missions)
     results = fly_conditions(folder, conditions, first_seed, limitation, workers, advance)
@@ -68,9 +72,7 @@ def compare(
 
 
 def _check(policies):
-    policies = list(dict.fromkeys(policies))
-    if not policies:
-        raise ValueError("policy: at least one is needed")
+    policies = names("policies", policies)
     for policy in policies:
         if find_policy(policy).is_privileged:
             raise ValueError(f"policy {policy!r} communicates for free: there are no links to compare")
