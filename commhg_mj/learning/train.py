@@ -26,7 +26,7 @@ from .run_log import Log
 from .validation import Validation
 from .weights import load_weights, save_weights
 
-FORMAT = "commhg_mj training 2"
+FORMAT = "commhg_mj training 3"
 STATE, WEIGHTS = "state.pt", "weights.safetensors"
 TRAINING_SEEDS = 10**6  # missions of training seed s begin at (1 + s) times this; evaluation stays far below
 VALIDATE_EVERY = 20  # updates

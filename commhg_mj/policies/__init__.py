@@ -62,12 +62,12 @@ SOURCES: list[Source] = []  # learning/pretrained.py's
 
 
 def find_policy(name: str) -> PolicyInfo:
-    """The policy of that name: a reference, a trained method such as "commhg", a path to weights, or one that was added.
+    """The policy of that name: a reference, a method whose weights come along, a path to weights, or one that was added.
 
-    A learned one may lack something: "commhg+no-query", "commhg+random-gates".
+    A learned one may lack something: "weights.safetensors+no-query", "weights.safetensors+random-gates".
 
     Raises:
-      ValueError: there is none, or the file of weights is refused; the message names it.
+      ValueError: there is none, or its weights are refused or retired; the message names it.
     """
     if isinstance(name, str) and name in POLICIES:
         return POLICIES[name]
