@@ -16,6 +16,7 @@ from commhg_mj.learning.learned_policy import LearnedPolicy
 from commhg_mj.learning.ppo import Hyper, check_device
 from commhg_mj.learning.registry import find_method
 from commhg_mj.learning.train import Plan, Training, check_training_seed, plan_from_json, plan_to_json
+from commhg_mj.learning.weights import load_weights
 from commhg_mj.mission.trace import make_traces, save_trace
 from commhg_mj.models import mjcf
 from commhg_mj.models.world import draw_world
