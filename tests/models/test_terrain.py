@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-
 from strategies import change
 
 from commhg_mj.base.terms import Footprint
