@@ -6,7 +6,7 @@ import numpy as np
 
 from ..base.kernels import kernel
 from ..base.terms import NOBODY, Activity, Embodiment, Mode, Session, Status
-from ..mission.accessors import belief_of, operator_of, robot_of, task_of
+from ..mission.accessors import known_task, true_operator, true_robot, true_task
 from ..mission.batch import MissionBatch
 from ..mission.estimate import attempt
 from .features import STATE_MISSION, STATE_OPERATOR, STATE_ROBOT, STATE_TASK, columns_of
@@ -50,7 +50,7 @@ def fill_states(missions, which, scale, states):
         for h in range(m.n_operators):
             write_state_operator(m, h, scale, states.operator[s, h])
         for j in range(m.n_tasks):
-            task = task_of(m, j)
+            task = true_task(m, j)
             if task.released and task.status != DONE:
                 states.is_open[s, j] = True
                 write_state_task(m, task, scale, states.task[s, j])
@@ -63,7 +63,7 @@ def fill_states(missions, which, scale, states):
 @kernel
 def write_state_robot(m, r, scale, out):
     """A robot as it is."""
-    robot, now = robot_of(m, r), m.now
+    robot, now = true_robot(m, r), m.now
     out.is_ugv, out.is_uav = robot.embodiment == UGV, robot.embodiment != UGV
     out.x, out.y = robot.x / scale.side, robot.y / scale.side
     out.failed = robot.activity == FAILED
@@ -75,7 +75,7 @@ def write_state_robot(m, r, scale, out):
     if robot.controller != NOBODY:
         out.lease_left = (robot.lease_until - now) / scale.lease
     if robot.task != NOBODY:
-        task = task_of(m, robot.task)
+        task = true_task(m, robot.task)
         speed = m.rules.speed[1 if robot.mode == CONTROLLED else 0, robot.embodiment]
         dx, dy = task.x - robot.x, task.y - robot.y
         way = np.sqrt(dx * dx + dy * dy)
@@ -84,21 +84,21 @@ def write_state_robot(m, r, scale, out):
         out.difficulty, out.value, out.expected_value = task.difficulty, task.value / scale.value, task.value * gain / scale.value
         out.seconds, out.slack = seconds / LONG, np.tanh((task.deadline - now) / LONG)
         out.incompatible = task.type != 2 and (task.type == 1) != (robot.embodiment == UGV)
-        out.is_sure = belief_of(m, r, robot.task).time >= 0.0
+        out.is_sure = known_task(m, r, robot.task).time >= 0.0
 
 
 @kernel
 def write_state_operator(m, h, scale, out):
     """An operator as it is."""
-    operator = operator_of(m, h)
+    operator = true_operator(m, h)
     out.uav_proficiency, out.ugv_proficiency = operator.proficiency[0], operator.proficiency[1]
     out.capacity, out.fatigue = operator.capacity, operator.fatigue
     out.bidding, out.holding = operator.session == BID, operator.session == HELD
     out.tokens, out.exempt = operator.tokens / scale.bucket, operator.exempt
     if operator.robot != NOBODY:
-        robot = robot_of(m, operator.robot)
+        robot = true_robot(m, operator.robot)
         out.robot_is_ugv, out.robot_servicing = robot.embodiment == UGV, robot.activity == SERVICING
-        out.robot_difficulty = task_of(m, robot.task).difficulty if robot.task != NOBODY else 0.0
+        out.robot_difficulty = true_task(m, robot.task).difficulty if robot.task != NOBODY else 0.0
 
 
 @kernel

@@ -11,7 +11,7 @@ from ..base.terms import IDLE, KEEP, NOBODY, REST
 from ..models.world import World, make_world
 from ..radio.link_models import DEFAULT_LINKS, OWN_MODELS, radio_rules
 from ..scenarios import Scenario, load_scenario
-from .accessors import operator_of, robot_of
+from .accessors import true_operator, true_robot
 from .decide import (
     ILLEGAL,
     N_ROBOT_RULES,
@@ -55,13 +55,13 @@ def advance_and_observe(missions, seconds, discount, earned, seen, masks):
         if m.over:
             continue
         for r in range(m.n_robots):
-            if robot_of(m, r).due:
+            if true_robot(m, r).due:
                 seen.robots[i].mission = e
                 observe_robot(m, r, seen.robots[i], seen.robot_tasks[i], seen.robot_peers[i], seen.robot_operators[i])
                 copy_robot_masks(seen, masks, i)
                 i += 1
         for h in range(m.n_operators):
-            if operator_of(m, h).due:
+            if true_operator(m, h).due:
                 seen.operators[k].mission = e
                 observe_operator(m, h, seen.operators[k], seen.operator_reports[k])
                 copy_operator_masks(seen, masks, k)

@@ -7,7 +7,7 @@ lease can be in force any more: one robot a human holds in every second, whateve
 
 from ..base.kernels import kernel
 from ..base.terms import NOBODY, Activity, Kind, Mode, Session
-from .accessors import command_of, downlink_of, operator_of, peer_of, robot_of, task_of, uplink_of
+from .accessors import command_of, downlink_of, known_robot, true_operator, true_robot, true_task, uplink_of
 from .records import stop_ageing
 from .state import NEVER
 from .transport import displace, enqueue
@@ -23,7 +23,7 @@ CONTROL, RENEWAL, RELEASE = int(Kind.CONTROL), int(Kind.RENEWAL), int(Kind.RELEA
 @kernel
 def bid(m, h, r, now):
     """Operator h wants robot r; what it held before is given up, at a cost unless exempt."""
-    operator = operator_of(m, h)
+    operator = true_operator(m, h)
     leave(m, h, now)
     if operator.left != NOBODY and operator.left != r and now - operator.left_at <= m.rules.switch_window:
         m.switches += 1
@@ -39,7 +39,7 @@ def bid(m, h, r, now):
 @kernel
 def command(m, h, now):
     """Queue the command of a bid, once no lease of another robot can be in force."""
-    operator = operator_of(m, h)
+    operator = true_operator(m, h)
     if operator.session == BID and operator.queued_at == NEVER:
         if operator.leased == operator.robot or not is_lease_open(m, h, now):
             operator.queued_at = now
@@ -49,14 +49,14 @@ def command(m, h, now):
 @kernel
 def is_lease_open(m, h, now):
     """Whether a lease that operator h sent may still be in force, as far as it knows."""
-    operator = operator_of(m, h)
+    operator = true_operator(m, h)
     return operator.leased != NOBODY and now < operator.lease_sent + m.rules.lease
 
 
 @kernel
 def renew(m, h, now):
     """KEEP: queue a renewal of the held lease when the last one is old enough."""
-    operator = operator_of(m, h)
+    operator = true_operator(m, h)
     if operator.session == HELD and now - operator.lease_sent >= m.rules.renewal_period:
         if downlink_of(m, h, 0).since < 0.0:
             enqueue(m, downlink_of(m, h, 0), RENEWAL, m.n_robots + h, operator.robot, now)
@@ -65,7 +65,7 @@ def renew(m, h, now):
 @kernel
 def leave(m, h, now):
     """Operator h lets go: a command that still waits is taken back, a lease that may be in force released."""
-    operator, waiting = operator_of(m, h), downlink_of(m, h, 0)
+    operator, waiting = true_operator(m, h), downlink_of(m, h, 0)
     if operator.session == HELD and not operator.exempt:
         operator.left, operator.left_at = operator.robot, now
     if waiting.since >= 0.0 and waiting.kind != RELEASE:
@@ -79,7 +79,7 @@ def leave(m, h, now):
 @kernel
 def end_session(m, h):
     """Operator h rests, and may choose anew."""
-    operator = operator_of(m, h)
+    operator = true_operator(m, h)
     operator.session = RESTING
     operator.robot = NOBODY
     operator.exempt = 0
@@ -89,11 +89,11 @@ def end_session(m, h):
 @kernel
 def learn_control(m, r, report):
     """What a report of robot r, newer than the one that is held, tells operators of their sessions and leases."""
-    held = peer_of(m, m.n_robots, r)
+    held = known_robot(m, m.n_robots, r)
     if report.time <= held.time:
         return
     for h in range(m.n_operators):
-        operator = operator_of(m, h)
+        operator = true_operator(m, h)
         is_broken, is_mine = report.activity == FAILED, report.controller == h
         # The robot heard the last command of mine, or fails: none that is still in the air takes effect any more.
         is_answered = is_broken or (report.command_from == h and report.command_sent >= operator.ordered_at)
@@ -114,7 +114,7 @@ def learn_control(m, r, report):
 @kernel
 def answer_bid(m, h, report, is_answered):
     """The report says that operator h's command is accepted, that another holds the robot, or nothing yet."""
-    operator = operator_of(m, h)
+    operator = true_operator(m, h)
     is_sent = operator.queued_at != NEVER and operator.lease_sent >= operator.queued_at
     if report.activity == FAILED:
         leave(m, h, m.now)
@@ -134,7 +134,7 @@ def answer_bid(m, h, report, is_answered):
 @kernel
 def receive_command(m, h, r, kind, sent, now):
     """A command, a renewal or a release of operator h reaches robot r; one that is older than another it heard is void."""
-    robot, heard, rules = robot_of(m, r), command_of(m, r, h), m.rules
+    robot, heard, rules = true_robot(m, r), command_of(m, r, h), m.rules
     if robot.activity == FAILED or sent <= heard.sent:
         return
     heard.sent = sent
@@ -159,7 +159,7 @@ def receive_command(m, h, r, kind, sent, now):
 @kernel
 def let_go(m, r, now):
     """Robot r is autonomous again, and says so."""
-    robot = robot_of(m, r)
+    robot = true_robot(m, r)
     robot.controller = NOBODY
     robot.mode = AUTONOMOUS
     robot.due = 1
@@ -169,7 +169,7 @@ def let_go(m, r, now):
 @kernel
 def break_robot(m, r, now):
     """A malfunction removes robot r for the rest of the mission."""
-    robot = robot_of(m, r)
+    robot = true_robot(m, r)
     robot.controller = NOBODY
     robot.mode = AUTONOMOUS
     for place in range(m.n_uplink_places):
@@ -188,13 +188,13 @@ def break_robot(m, r, now):
 def advance_sessions(m, now):
     """Handovers end; leases run out by the clocks of both ends; bids wait for their turn or are given up."""
     for r in range(m.n_robots):
-        robot = robot_of(m, r)
+        robot = true_robot(m, r)
         if robot.mode == HANDOVER and now >= robot.handover_until:
             robot.mode = CONTROLLED
         if robot.controller != NOBODY and now >= robot.lease_until:
             let_go(m, r, now)
     for h in range(m.n_operators):
-        operator = operator_of(m, h)
+        operator = true_operator(m, h)
         if operator.session == HELD and not is_lease_open(m, h, now):
             end_session(m, h)
         command(m, h, now)
@@ -205,13 +205,13 @@ def advance_sessions(m, now):
 @kernel
 def tire(m, h):
     """One second of work or rest as operator h knows it: df/dt = k_a w(D)/c (1 - f), or -k_r c f."""
-    operator, rules = operator_of(m, h), m.rules
+    operator, rules = true_operator(m, h), m.rules
     if operator.session != HELD:
         operator.fatigue *= max(0.0, 1.0 - rules.recovery_rate * operator.capacity)
         return
-    report = peer_of(m, m.n_robots, operator.robot)
+    report = known_robot(m, m.n_robots, operator.robot)
     workload = rules.travel_workload
     if report.activity == SERVICING:
-        workload = rules.service_workload[0] + rules.service_workload[1] * task_of(m, int(report.task)).difficulty
+        workload = rules.service_workload[0] + rules.service_workload[1] * true_task(m, int(report.task)).difficulty
     operator.fatigue += min(1.0, rules.fatigue_rate * workload / operator.capacity) * (1.0 - operator.fatigue)
     operator.control_time += 1.0

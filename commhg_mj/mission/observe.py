@@ -13,14 +13,14 @@ from ..base.kernels import kernel
 from ..base.terms import NOBODY, Activity, Embodiment, Kind, Mode, Session
 from ..models.routes import measure_goals
 from .accessors import (
-    belief_of,
-    operator_of,
-    peer_of,
-    resource_of,
-    robot_of,
+    known_operator,
+    known_robot,
+    known_task,
     routes_of,
     scratch_of,
-    task_of,
+    true_operator,
+    true_robot,
+    true_task,
     uplink_of,
 )
 from .messages import count_waiting
@@ -91,13 +91,13 @@ def age(now, time):
 @kernel
 def observe_robot(m, r, seen, tasks, peers, operators):
     """Everything that robot r can know."""
-    robot, now = robot_of(m, r), m.now
+    robot, now = true_robot(m, r), m.now
     seen.robot = r
     seen.time = now
     seen.embodiment, seen.activity, seen.mode, seen.controller = robot.embodiment, robot.activity, robot.mode, robot.controller
     seen.x, seen.y, seen.task, seen.tokens = robot.x, robot.y, robot.task, robot.tokens
     seen.speed = m.rules.speed[1 if robot.mode == CONTROLLED else 0, robot.embodiment]
-    seen.progress = belief_of(m, r, robot.task).progress if robot.task != NOBODY else 0.0
+    seen.progress = known_task(m, r, robot.task).progress if robot.task != NOBODY else 0.0
     seen.lease_left = robot.lease_until - now if robot.controller != NOBODY else 0.0
     seen.handover_left = max(0.0, robot.handover_until - now) if robot.controller != NOBODY else 0.0
     seen.since_broadcast = now - robot.last_broadcast
@@ -118,7 +118,7 @@ def observe_robot(m, r, seen, tasks, peers, operators):
     observe_tasks(m, r, not seen.can_idle, tasks)
     observe_peers(m, r, tasks, peers)
     for h in range(m.n_operators):
-        report, row = resource_of(m, r, h), operators[h]
+        report, row = known_operator(m, r, h), operators[h]
         row.legal = not seen.query_waits
         row.age = age(now, report.time)
         row.session, row.robot, row.fatigue_class = report.session, report.robot, report.fatigue_class
@@ -128,11 +128,11 @@ def observe_robot(m, r, seen, tasks, peers, operators):
 @kernel
 def observe_tasks(m, r, is_prescribed, rows):
     """Public attributes, robot r's belief, the way there and the mask, task by task."""
-    robot, now, n_routes = robot_of(m, r), m.now, 0
+    robot, now, n_routes = true_robot(m, r), m.now, 0
     is_ground, place = robot.embodiment == UGV, robot.place
     wanted, between = scratch_of(m).found, routes_of(m).between
     for j in range(m.n_tasks):
-        task, belief, row = task_of(m, j), belief_of(m, r, j), rows[j]
+        task, belief, row = true_task(m, j), known_task(m, r, j), rows[j]
         row.claimed_by, row.claim_age = NOBODY, UNKNOWN
         row.released = task.released
         row.legal = 0
@@ -181,9 +181,9 @@ def observe_peers(m, r, tasks, rows):
     """Cached reports of the other robots; a fresh claim of a task is noted beside the task."""
     now = m.now
     for other in range(m.n_robots):
-        peer, row = peer_of(m, r, other), rows[other]
+        peer, row = known_robot(m, r, other), rows[other]
         row.age = age(now, peer.time)
-        row.embodiment = robot_of(m, other).embodiment
+        row.embodiment = true_robot(m, other).embodiment
         row.x, row.y, row.task = peer.x, peer.y, peer.task
         row.activity, row.mode, row.controller = peer.activity, peer.mode, peer.controller
         if peer.time >= 0.0 and peer.task != NOBODY:
@@ -195,7 +195,7 @@ def observe_peers(m, r, tasks, rows):
 @kernel
 def observe_operator(m, h, seen, rows):
     """Everything that operator h can know: itself, its session, and the station's reports."""
-    operator, now = operator_of(m, h), m.now
+    operator, now = true_operator(m, h), m.now
     station = m.n_robots
     seen.operator = h
     seen.time = now
@@ -208,9 +208,9 @@ def observe_operator(m, h, seen, rows):
     seen.queue = count_waiting(m, h)
     seen.can_keep = operator.session != RESTING
     for r in range(m.n_robots):
-        report, row = peer_of(m, station, r), rows[r]
+        report, row = known_robot(m, station, r), rows[r]
         row.legal = r != operator.robot and report.time >= 0.0 and report.activity != FAILED
-        row.embodiment = robot_of(m, r).embodiment
+        row.embodiment = true_robot(m, r).embodiment
         row.age = age(now, report.time)
         row.activity, row.mode, row.controller = report.activity, report.mode, report.controller
         row.x, row.y, row.task, row.progress = report.x, report.y, report.task, report.progress
@@ -226,7 +226,7 @@ def observe_reported_task(m, report, row):
     if report.task == NOBODY:
         return
     station, j = m.n_robots, int(report.task)
-    task, belief = task_of(m, j), belief_of(m, station, j)
+    task, belief = true_task(m, j), known_task(m, station, j)
     row.difficulty, row.value, row.deadline, row.decay = task.difficulty, task.value, task.deadline, task.decay
     row.distance = distance(task.x - report.x, task.y - report.y)
     row.task_type = believed_type(m, station, j)
