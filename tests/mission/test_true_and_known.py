@@ -53,7 +53,6 @@ def test_an_actor_reads_no_remote_truth(module, name):
 
 
 def test_the_check_finds_a_remote_truth():
-    assert foreign_reads("def f(m, r, j):\n    robot, task = true_robot(m, r), true_task(m, j)\n    return robot.x, task.status") == {
-        "true_task.status"
-    }
+    reads = "def f(m, r, j):\n    robot, task = true_robot(m, r), true_task(m, j)\n    return robot.x, task.status"
+    assert foreign_reads(reads) == {"true_task.status"}
     assert foreign_reads("def f(m, h):\n    return true_robot(m, true_operator(m, h).robot).activity") == {"true_robot.activity"}
