@@ -152,7 +152,7 @@ def likelihoods(training, data, rows, aim="improve"):
 
 
 # 300 decisions: missions end on the way and others begin. Methods that do not read the public table never notice.
-@pytest.mark.parametrize("decisions", [40, 300])
+@pytest.mark.parametrize("decisions", [100, 300])
 @pytest.mark.parametrize("method", NAMES)
 def test_an_update_judges_as_the_rollout_did(tmp_path, method, decisions):
     """Same graphs, same masks, same tasks: else the first ratio is not 1."""
