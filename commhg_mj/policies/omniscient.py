@@ -66,9 +66,11 @@ class Omniscient:
 
 
 def every_second(scenario) -> Scenario:
-    """The same scenario with a decision of everybody every second."""
+    """The same scenario with a decision and a report of everybody every second."""
     return dataclasses.replace(
-        scenario, decisions=dataclasses.replace(scenario.decisions, robot_period=1, operator_period=1)
+        scenario,
+        decisions=dataclasses.replace(scenario.decisions, robot_period=1, operator_period=1),
+        communication=dataclasses.replace(scenario.communication, telemetry_period=1.0),
     )
 
 

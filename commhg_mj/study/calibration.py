@@ -11,7 +11,7 @@ from ..flights.fly import fly
 from ..flights.held_out import CALIBRATION
 from ..flights.statistics import Interval, mean_interval
 from ..radio import DEFAULT_LINKS
-from ..scenarios import load_scenario
+from ..scenarios import SCENARIOS
 
 FLIGHTS = {  # label: policy, limitation, with operators
     "random": ("random", "nominal", True),
@@ -43,10 +43,10 @@ class Calibration(NamedTuple):
 
 
 def calibrate(
-    scenario, n_missions=200, workers=1, links=DEFAULT_LINKS, advance: Callable[[float], None] = lambda missions: None
+    name: str, n_missions=200, workers=1, links=DEFAULT_LINKS, advance: Callable[[float], None] = lambda missions: None
 ) -> Calibration:
     """Fly the references of one scenario and hold its defaults against the rules; differences are paired."""
-    scenario, seeds = load_scenario(scenario), range(CALIBRATION, CALIBRATION + missions_of("n_missions", n_missions))
+    scenario, seeds = SCENARIOS.find(name), range(CALIBRATION, CALIBRATION + missions_of("n_missions", n_missions))
     alone = dataclasses.replace(scenario, n_operators=0)
     twcr = {}
     for label, (policy, limitation, has_operators) in FLIGHTS.items():
@@ -64,4 +64,4 @@ def calibrate(
         Rule("without operators the reference loses at least 0.05", supervision, supervision.mean >= 0.05),
         Rule("from nominal to high limitation Greedy loses at least 0.03", limitation, limitation.mean >= 0.03),
     ]
-    return Calibration(scenario.name, links, {label: mean_interval(values) for label, values in twcr.items()}, rules)
+    return Calibration(name, links, {label: mean_interval(values) for label, values in twcr.items()}, rules)

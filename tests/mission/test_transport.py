@@ -160,7 +160,7 @@ def test_the_best_neighbours_are_those_with_the_least_terrain_between():
         SCENARIOS["medium"], n_uav=8, n_ugv=0, malfunction=0.0, unavailable_or_delayed=(0.0, 0.0, 0.0), out_degree=2,
         range=(2.0, 2.0, 2.0), robot_period=1, initial_phase=0.0, forest_decay=1e4, mountain_decay=1e4,
     )  # fmt: skip
-    pilot = Pilot(scenario, seed=3, record=True)
+    pilot = Pilot(scenario, seed=3, record=True, links="abstract")
     rng = np.random.default_rng(0)
     places = rng.uniform(0, 1000, (8, 2))
     pilot.robots["x"], pilot.robots["y"] = places.T
@@ -361,7 +361,7 @@ def test_terrain_loses_the_share_that_the_metres_say():
         SCENARIOS["small"], n_uav=2, n_ugv=0, n_operators=0, malfunction=0.0, robot_period=1, initial_phase=0.0,
         range=(2.0,) * 3, time_limit=500, mountain_share=0.0, forest_share=0.2, n_forests=3,
     )  # fmt: skip
-    batch = MissionBatch(scenario, range(12))
+    batch = MissionBatch(scenario, range(12), links="abstract")
     metres = []
     rng = np.random.default_rng(1)
     for e, world in enumerate(batch.worlds):
