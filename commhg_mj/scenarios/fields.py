@@ -66,7 +66,7 @@ class TaskRules:
     change_within: float = _field(0.30, "of the limit", "D", "the change comes this soon after the release, uniform", 0, 1)
     service_base: float = _field(20.0, "s", "D", "autonomous service time at D = 0", 1, 1e5)
     service_per_difficulty: float = _field(80.0, "s", "D", "added at D = 1", 0, 1e5)
-    success_autonomous: tuple = _field((0.95, 0.75), "", "D", "P(success) = a - b D", 0, 1)
+    success_autonomous: tuple = _field((0.75, 0.55), "", "D", "P(success) = a - b D", 0, 1)
     success_controlled: tuple = _field(
         (0.97, 0.15, 0.20), "", "D", "P(success) = a - b D - c fatigue", 0, 1
     )
