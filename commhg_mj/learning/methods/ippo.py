@@ -23,7 +23,7 @@ class LocalCritic(nn.Module):
 
     def forward(self, states: States, robots: Agents, operators: Agents) -> tuple[Tensor, Tensor]:
         """(robots' [n, 2], operators' [k, 2]) values in states of tensors."""
-        clock = states.mission[:, CLOCK]
+        clock = torch.stack([states.mission[:, column] for column in CLOCK], dim=1)
         roles = (self.robot, states.robot, robots), (self.operator, states.operator, operators)
         return tuple(
             value(torch.cat([pick_agents(agents, at), clock.index_select(0, at.state)], dim=1)) for value, agents, at in roles
