@@ -88,32 +88,37 @@ def end_session(m, h):
 
 @kernel
 def learn_control(m, r, report):
-    """What a report of robot r, newer than the one that is held, tells operators of their sessions and leases."""
+    """What a report of robot r, newer than the one that is held, tells operators of their leases and sessions."""
     held = known_robot(m, m.n_robots, r)
     if report.time <= held.time:
         return
     for h in range(m.n_operators):
         operator = true_operator(m, h)
-        is_broken, is_mine = report.activity == FAILED, report.controller == h
-        # The robot heard the last command of mine, or fails: none that is still in the air takes effect any more.
-        is_answered = is_broken or (report.command_from == h and report.command_sent >= operator.ordered_at)
-        is_lost = operator.session == HELD and not is_mine and report.time > operator.accepted_at
-        if operator.leased == r and not is_mine and (is_answered or (is_lost and operator.robot == r)):
+        # The robot heard the last command of this operator, or fails: none in the air takes effect any more.
+        is_answered = report.activity == FAILED or (report.command_from == h and report.command_sent >= operator.ordered_at)
+        if operator.robot == r and operator.session == HELD:
+            learn_session(m, h, held, report)
+        elif operator.robot == r and operator.session == BID:
+            learn_answer(m, h, report, is_answered)
+        if operator.leased == r and report.controller != h and is_answered:
             operator.leased = NOBODY
             command(m, h, m.now)
-        if operator.robot != r:
-            continue
-        if is_lost:
-            end_session(m, h)
-        elif operator.session == HELD and held.task != NOBODY and report.task != held.task:
-            operator.exempt = 1
-        elif operator.session == BID:
-            answer_bid(m, h, report, is_answered)
 
 
 @kernel
-def answer_bid(m, h, report, is_answered):
-    """The report says that operator h's command is accepted, that another holds the robot, or nothing yet."""
+def learn_session(m, h, held, report):
+    """The robot that operator h holds obeys somebody else or nobody: the session is over. Or it has left its task."""
+    operator = true_operator(m, h)
+    if report.controller != h and report.time > operator.accepted_at:
+        operator.leased = NOBODY  # the command was accepted once, and renewals begin no session
+        end_session(m, h)
+    elif held.task != NOBODY and report.task != held.task:
+        operator.exempt = 1
+
+
+@kernel
+def learn_answer(m, h, report, is_answered):
+    """Operator h's command is accepted, another holds the robot, or there is no answer yet."""
     operator = true_operator(m, h)
     is_sent = operator.queued_at != NEVER and operator.lease_sent >= operator.queued_at
     if report.activity == FAILED:

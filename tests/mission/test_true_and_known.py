@@ -12,7 +12,9 @@ PUBLIC = {  # of anybody and any task; what else a `true_` row holds is its owne
     "true_operator": set(),
     "true_task": {"x", "y", "announced", "difficulty", "value", "deadline", "decay", "released"},
 }
-OPERATORS_END = ["bid", "command", "is_lease_open", "renew", "leave", "end_session", "learn_control", "answer_bid", "tire"]
+OPERATORS_END = [
+    "bid", "command", "is_lease_open", "renew", "leave", "end_session", "learn_control", "learn_session", "learn_answer", "tire",
+]  # fmt: skip
 DECIDING = [(control, name) for name in OPERATORS_END] + [(decide, "speak"), (decide, "supervise"), (messages, "choose_tip")]
 DECIDING += [(observe, name) for name, value in vars(observe).items() if name.startswith("observe_") or name == "hide_task"]
 
