@@ -18,7 +18,7 @@ from .mission.score import Score
 from .mission.trace import Trace, load_trace, make_traces, save_trace
 from .models.world import World, make_world
 from .policies import POLICIES, PolicyInfo, policy
-from .radio import LINK_MODELS, link_model
+from .radio import DEFAULT_LINKS, LINK_MODELS, link_model
 from .radio.world_links import WorldLinks
 from .scenarios import LIMITATIONS, SCENARIOS, Scenario, load_scenario, with_heightmap
 from .tasks.registration import register_missions
@@ -33,7 +33,7 @@ __all__ = [
 ]  # fmt: skip
 
 
-def make_vec(scenario, num_missions=1, seed=0, links="abstract", limitation="nominal", record=False) -> MissionBatch:
+def make_vec(scenario, num_missions=1, seed=0, links=DEFAULT_LINKS, limitation="nominal", record=False) -> MissionBatch:
     """Missions with the seeds `seed`, `seed + 1`, …, stepped together to their next decision epochs.
 
     Args and errors as for `MissionBatch`.

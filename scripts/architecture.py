@@ -90,15 +90,16 @@ def drawing() -> str:
     return "\n".join(lines)
 
 
-def main() -> int:
-    page = PAGE.read_text(encoding="utf-8")
-    head, rest = page.split(BEGIN)
-    fresh = f"{head}{BEGIN}\n{drawing()}\n{END}{rest.split(END)[1]}"
+def redraw(path: Path, begin: str, part: str) -> int:
+    """Write a page's part between its marks anew; with --check only whether it is another (1)."""
+    page = path.read_text(encoding="utf-8")
+    head, rest = page.split(begin)
+    fresh = f"{head}{begin}\n{part}\n{END}{rest.split(END)[1]}"
     if "--check" in sys.argv[1:]:
         return int(fresh != page)
-    PAGE.write_text(fresh, encoding="utf-8")
+    path.write_text(fresh, encoding="utf-8")
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(redraw(PAGE, BEGIN, drawing()))

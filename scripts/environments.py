@@ -28,7 +28,10 @@ ROOT = Path(__file__).parent.parent
 REFUSED, PYTHONS = "3.10", ("3.11", "3.12", "3.13", "3.14")
 ROOMS = ["models", "radio", "mission", "render", "tasks", "policies"]  # none of their tests needs torch
 NOT_COPIED = ".git", ".venv", "runs", "build", "__pycache__", "*.egg-info", ".*_cache", ".hypothesis", ".demo"
-NOT_DM_CONTROL = "not dm_control and not test_suite and not test_physics and not test_sharing"
+NOT_DM_CONTROL = (  # files and tests that step its environments
+    "not dm_control and not test_suite and not test_physics and not test_sharing and not test_identity"
+    " and not impossible_discounts and not keywords_of_load and not seeds_of_a_task"
+)
 FACES = """
 import commhg_mj, gymnasium
 env = commhg_mj.tasks.load("surveillance", "small")

@@ -116,6 +116,10 @@ class Pilot:
         self.batch.step(decisions)
         return self
 
+    def heard(self):
+        """Wait until the station has a report of every robot: before that none can be commanded."""
+        return self.wait_until(lambda: np.all(self.peers["time"][-1] >= 0), 30)
+
     def wait(self, seconds):
         """Let that many seconds pass; everybody stays as he is."""
         until = self.now + seconds

@@ -44,6 +44,7 @@ worlds = st.builds(
     n_forests=st.integers(0, 6),
     n_mountains=st.integers(0, 4),
     poi_spacing=st.sampled_from([0.0, 0.005, 0.01]),
+    uav_slope=st.sampled_from([0.4, 0.4, 0.05, 1e6]),
 )
 robots = st.builds(
     RobotRules,

@@ -6,6 +6,8 @@ import sys
 from pathlib import Path
 
 import commhg_mj
+from commhg_mj.learning.registry import find_method
+from commhg_mj.learning.weights import save_weights
 
 ROOT = Path(commhg_mj.__file__).parents[1]
 STATE = """
@@ -37,7 +39,7 @@ ENTRIES = {
     "import": "import commhg_mj.tasks",
     "a learned policy": """
 from commhg_mj.policies import prepare
-batch, policy = prepare("commhg", "small", [1])
+batch, policy = prepare("WEIGHTS", "small", [1])
 batch.step(policy(batch.observations))
 """,
     "a figure": """
@@ -59,8 +61,11 @@ commhg_mj.tasks.parallel_env("small").reset(seed=1)
 }
 
 
-def test_global_state_stays():
-    code = STATE.format(root=str(ROOT), entries=ENTRIES)
+def test_global_state_stays(tmp_path):
+    weights = str(tmp_path / "weights.safetensors")
+    save_weights(find_method("commhg")(), weights, {})
+    entries = {entry: code.replace("WEIGHTS", weights) for entry, code in ENTRIES.items()}
+    code = STATE.format(root=str(ROOT), entries=entries)
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout.splitlines()[-1]) == {entry: [] for entry in ENTRIES}

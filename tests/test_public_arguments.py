@@ -14,7 +14,6 @@ from commhg_mj.flights.fly import fly, fly_recorded, fly_to_end
 from commhg_mj.learning.curriculum import read_plan
 from commhg_mj.learning.learned_policy import LearnedPolicy
 from commhg_mj.learning.ppo import Hyper, check_device
-from commhg_mj.learning.pretrained import weights_for
 from commhg_mj.learning.registry import find_method
 from commhg_mj.learning.train import Plan, Training, check_training_seed, plan_from_json, plan_to_json
 from commhg_mj.learning.weights import load_weights
@@ -103,7 +102,7 @@ def step(seconds):
 
 @lru_cache(maxsize=1)
 def learned():
-    return load_weights(weights_for("commhg", BRIEF))[0]
+    return find_method("commhg")()
 
 
 def physics():

@@ -30,7 +30,7 @@ class Mode(IntEnum):
 
 
 class Session(IntEnum):
-    """What an operator is doing: resting, waiting for its command to be accepted, or holding a robot."""
+    """What an operator is doing, as far as it knows: resting, waiting for its command's effect, or holding a robot."""
 
     REST = 0
     BID = 1
@@ -46,7 +46,7 @@ class Status(IntEnum):
 
 
 class Kind(IntEnum):
-    """Message kinds. BROADCAST is robot-robot, the next three climb the uplink, the last three the downlink."""
+    """Message kinds. BROADCAST is robot-robot, the next three climb the uplink, the last four the downlink."""
 
     BROADCAST = 0
     TELEMETRY = 1
@@ -55,6 +55,7 @@ class Kind(IntEnum):
     CONTROL = 4
     RENEWAL = 5
     REPLY = 6
+    RELEASE = 7
 
 
 class Fate(IntEnum):

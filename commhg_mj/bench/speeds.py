@@ -17,6 +17,7 @@ from ..models.layout import draw_layout
 from ..models.mjcf import build_model
 from ..models.world import World, draw_world
 from ..policies import prepare
+from ..radio import DEFAULT_LINKS
 from ..radio.world_links import WorldLinks
 from ..scenarios import SCENARIOS, Scenario
 
@@ -78,7 +79,7 @@ def epochs_rate(scenario, repeats=3) -> Speed:
     return Speed(f"{scenario.name}: one mission alone", flight.epochs / flight.seconds, "epochs/CPU-s")
 
 
-def _fly_timed(scenario, n_missions, repeats, models=("abstract",)) -> list[Flight]:
+def _fly_timed(scenario, n_missions, repeats, models=(DEFAULT_LINKS,)) -> list[Flight]:
     """The fastest of some flights of each link model after a warm-up, in turns: the machine's moods meet all alike."""
     teams = [prepare("greedy", scenario, range(n_missions), links=links) for links in models]
     rounds = [[_fly_once(*team) for team in teams] for _ in range(repeats + 1)]

@@ -50,11 +50,12 @@ class Calibrate:
     """processes"""
 
     def __call__(self):
-        from ..study.calibration import FLIGHTS, calibrate
+        from ..study.calibration import FLIGHTS, LINKS, calibrate
         from .tables.calibrate import calibration_tables
 
         at_least("missions", self.missions, 2)
         at_least("workers", self.workers, 1)
-        with progress("flying", len(FLIGHTS) * self.missions * len(SCENARIOS)) as advance:
-            results = [calibrate(name, self.missions, self.workers, advance) for name in SCENARIOS]
-        OUT.print(*calibration_tables(results, self.missions))
+        with progress("flying", len(LINKS) * len(FLIGHTS) * self.missions * len(SCENARIOS)) as advance:
+            results = [[calibrate(name, self.missions, self.workers, links, advance) for name in SCENARIOS] for links in LINKS]
+        for under_one_model in results:
+            OUT.print(*calibration_tables(under_one_model, self.missions))

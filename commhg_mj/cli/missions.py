@@ -10,7 +10,7 @@ from ..base.arguments import check_seed
 from ..flights.fly import fly, trace_path
 from ..mission.trace import load_trace
 from ..policies import find_policy
-from ..radio import find_link_model
+from ..radio import DEFAULT_LINKS, find_link_model
 from ..scenarios import load_scenario, with_profile
 from .console import LOG, OUT, Limitation, Profile, at_least, load_mujoco, make_folder, parse_size, progress, say, without_effect
 
@@ -29,8 +29,8 @@ class Run:
     """how many"""
     limitation: Limitation = "nominal"
     """of communication"""
-    links: str = "abstract"
-    """link model: abstract, abstract-fit, raycast, raycast-shuffled (a control), or perfect (free, idealised)"""
+    links: str = DEFAULT_LINKS
+    """link model: raycast, abstract (the paper's, planar), abstract-fit, raycast-shuffled (a control), or perfect (idealised)"""
     radio_profile: Profile | None = None
     """calibration of the ray-cast model; by default the scenario's"""
     workers: int = 1

@@ -10,7 +10,7 @@ import tyro
 
 from ..base.files import held
 from ..base.kernels import ensure_compiled
-from ..radio import find_link_model
+from ..radio import DEFAULT_LINKS, find_link_model
 from ..scenarios import load_scenario
 from .console import LOG, OUT, Limitation, at_least, check_file, check_folder, make_folder, progress, say
 
@@ -43,7 +43,7 @@ class Train:
     """what the trace decays by: an actor's decisions, or the seconds between them"""
     init: str = ""
     """weights to begin with, in place of imitating Greedy; or small-to-large: learn on every smaller scenario first"""
-    links: str = "abstract"
+    links: str = DEFAULT_LINKS
     """link model"""
     limitation: Limitation = "nominal"
     """of communication"""
@@ -132,7 +132,7 @@ class Evaluate:
     """small, medium, large, or a TOML file that overrides one of them"""
     missions: int = 200
     """how many"""
-    links: str = "abstract"
+    links: str = DEFAULT_LINKS
     """link model"""
     limitation: Limitation = "nominal"
     """of communication"""
@@ -171,7 +171,7 @@ class Publish:
     """folder that gets METHOD-SCENARIO.safetensors and .md"""
     missions: int = 200
     """how many"""
-    links: str = "abstract"
+    links: str = DEFAULT_LINKS
     """link model"""
     limitation: Limitation = "nominal"
     """of communication"""

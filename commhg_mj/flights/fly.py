@@ -14,9 +14,10 @@ from ..mission.batch import MissionBatch
 from ..mission.score import Score
 from ..mission.trace import load_head, make_traces, save_trace
 from ..policies import conditions_of, label_of, prepare
+from ..radio import DEFAULT_LINKS
 from ..scenarios import Scenario, load_scenario
 
-DEFAULTS = ("abstract", "matched", "nominal")
+DEFAULTS = (DEFAULT_LINKS, "matched", "nominal")
 CHUNK = 16  # missions that one call flies side by side: memory and progress stay fine-grained
 
 
@@ -44,7 +45,7 @@ def check_traces(folder, scenario: Scenario, policy: str, links: str, limitation
 
 
 def fly(
-    scenario: Scenario, policy: str, seeds, links="abstract", limitation="nominal", out=None, workers=1,
+    scenario: Scenario, policy: str, seeds, links=DEFAULT_LINKS, limitation="nominal", out=None, workers=1,
     advance: Callable[[float], None] = lambda missions: None,
 ) -> list[Score]:  # fmt: skip
     """Fly one mission a seed.
@@ -69,7 +70,7 @@ def fly(
 
 
 def fly_recorded(
-    look: Callable, scenario: Scenario, policy: str, seeds, links="abstract", limitation="nominal", workers=1,
+    look: Callable, scenario: Scenario, policy: str, seeds, links=DEFAULT_LINKS, limitation="nominal", workers=1,
     advance: Callable[[float], None] = lambda missions: None,
 ) -> list:  # fmt: skip
     """`look(trace)` of one recorded mission a seed, in the order of the seeds; traces are not kept."""
@@ -117,7 +118,7 @@ def spread(work: Callable, jobs: list[tuple], workers=1, done: Callable = lambda
 
 
 def fly_to_end(
-    policy, scenario, seeds, links="abstract", limitation="nominal", record=False,
+    policy, scenario, seeds, links=DEFAULT_LINKS, limitation="nominal", record=False,
     advance: Callable[[float], None] = lambda missions: None,
 ) -> MissionBatch:  # fmt: skip
     """The batch of these missions when all are over; `advance` is told each hundredth of them that is flown."""

@@ -6,13 +6,13 @@ import numpy as np
 def estimate_advantages(values, rows, rewards, elapsed, over, last_values, gamma, lam, trace="decision") -> np.ndarray:
     """Advantages of decisions, mission and coordination parts apart.
 
-    A step discounts what follows it by gamma ** seconds, and its own reward not at all; the trace decays by `lam` a
-    decision, or by lam ** seconds.
+    A reward is discounted by the seconds since the decision: a step's own is given so (`MissionBatch.discount`), and what
+    follows the step fades by gamma ** seconds. The trace decays by `lam` a decision, or by lam ** seconds.
 
     Args:
       values: [S] of arrays [n, 2], the critic's for the decisions of each of S steps.
       rows: [S] of (mission [n], agent [n]) of these decisions.
-      rewards: [S, E, 2] from each step to the next. elapsed: [S, E] s. over: [S, E] bool, ended in that step.
+      rewards: [S, E, 2] of each step, discounted to its beginning. elapsed: [S, E] s. over: [S, E] bool, ended in that step.
       last_values: [E, agents, 2] after the last step.
       gamma: a second. lam: a decision, or a second, as `trace` says.
 

@@ -5,8 +5,9 @@ from typing import NamedTuple
 import torch
 from torch import Tensor, nn
 
+from .features import STATE_MISSION, STATE_OPERATOR, STATE_ROBOT, STATE_TASK
 from .networks import MESSAGE, NODE, linear, mlp
-from .states import N_GLOBAL, N_STATE_OPERATOR, N_STATE_ROBOT, N_STATE_TASK, States
+from .states import States
 
 N_PARTS = 2  # of the reward: mission, coordination
 
@@ -26,10 +27,10 @@ class Critic(nn.Module):
 
     def __init__(self):
         super().__init__()
-        self.robot, self.operator = linear(N_STATE_ROBOT, NODE), linear(N_STATE_OPERATOR, NODE)
-        self.task, self.tasks = linear(N_STATE_TASK, MESSAGE), linear(MESSAGE, NODE)
+        self.robot, self.operator = linear(STATE_ROBOT.width, NODE), linear(STATE_OPERATOR.width, NODE)
+        self.task, self.tasks = linear(STATE_TASK.width, MESSAGE), linear(MESSAGE, NODE)
         self.robot_node, self.operator_node = linear(NODE, NODE), linear(NODE, NODE)
-        self.context = mlp(3 * NODE + N_GLOBAL + 1, NODE, NODE)
+        self.context = mlp(3 * NODE + STATE_MISSION.width + 1, NODE, NODE)
         self.robot_value, self.operator_value = (mlp(2 * NODE, NODE, N_PARTS, 0.1) for _ in range(2))
 
     def forward(self, states: States, robots: Agents, operators: Agents) -> tuple[Tensor, Tensor]:

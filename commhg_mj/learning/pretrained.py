@@ -10,6 +10,7 @@ from ..scenarios import SCENARIOS, Scenario
 
 WEIGHTS = Path(__file__).parent / "trained"  # <method>-<scenario>.safetensors
 ENDING = ".safetensors"
+RETIRED = ("commhg",)  # came trained under older rules, and will again
 DIGITS = 8  # of the checksum that tells weights of one name apart
 VARIANTS = ("no-query", "random-gates")  # learned_policy.py's, named here so that torch is loaded by need alone
 
@@ -18,13 +19,20 @@ def find_learned(name: str) -> PolicyInfo | None:
     """The policy of a trained method or of a file of weights; None for other names.
 
     Raises:
-      ValueError: the file of weights is refused; the message names it.
+      ValueError: the file of weights is refused, or the method's are retired; the message names it.
     """
     base, variant = split_variant(name)
     if base.endswith(ENDING):
         _load(base)
         return PolicyInfo(partial(_fly_weights, base, variant))
-    return PolicyInfo(partial(_fly_trained, base, variant)) if base in trained_methods() else None
+    if base in trained_methods():
+        return PolicyInfo(partial(_fly_trained, base, variant))
+    if base in RETIRED:
+        raise ValueError(
+            f"{base}: its weights were trained under older rules and are retired until they are trained anew; train some with "
+            f"`commhg-mj train --method {base}`, and fly them by their path"
+        )
+    return None
 
 
 def split_variant(name: str) -> tuple[str, str]:
@@ -98,4 +106,5 @@ def _digest_version(path, version):
         raise ValueError(f"weights {path}: {error.strerror}") from None
 
 
-SOURCES.append(Source(find_learned, label_learned, f", {', '.join(trained_methods())} or a file of weights ({ENDING})"))
+ALSO = "".join(f", {name}" for name in trained_methods()) + f" or a file of weights ({ENDING})"
+SOURCES.append(Source(find_learned, label_learned, ALSO))

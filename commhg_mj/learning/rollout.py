@@ -25,7 +25,7 @@ class Experience(NamedTuple):
     states: States
     robots: RobotGraphs  # `mission` is the row of `public`
     operators: OperatorGraphs
-    public: np.ndarray  # [worlds, T, N_PUBLIC]
+    public: np.ndarray  # [worlds, T, PUBLIC.width]
     robot_choices: RobotChoices
     operator_choices: np.ndarray  # [K] i8
     robot_log_prob: np.ndarray  # [N] f4 of the choices as they were made
@@ -74,7 +74,7 @@ class Actors:
         """Choices drawn from the actors, or their best.
 
         Args:
-          public: [worlds, T, N_PUBLIC]; `seen`'s missions are its rows.
+          public: [worlds, T, PUBLIC.width]; `seen`'s missions are its rows.
           is_learning: the choices' likelihoods will be asked for; 0 otherwise.
         """
         robots, operators = self.builder.robots(seen), self.builder.operators(seen)
@@ -155,6 +155,7 @@ class Collector:
     def collect(self, n_decisions: int, critic, scale, gamma, lam, trace="decision", teacher=None) -> Experience:
         """At least so many robot decisions; a `teacher` policy may make them, whose choices are then remembered."""
         steps, batch = [], self.batch
+        batch.discount = gamma
         worlds, world_of = [self.public.copy()], np.arange(len(batch.seeds))  # a restart overwrites `public`
         n = 0
         while n < n_decisions:

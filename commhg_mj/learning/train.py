@@ -15,6 +15,7 @@ import torch
 from ..base.arguments import LARGEST_SEED, instance, missions_of, path_of, whole
 from ..base.files import whole_file
 from ..policies import POLICIES
+from ..radio import DEFAULT_LINKS
 from ..scenarios import Scenario, from_json, to_json
 from .critic import ReturnScale
 from .distributed import ALONE, ProcessGroup, WorkerEnded
@@ -25,7 +26,7 @@ from .run_log import Log
 from .validation import Validation
 from .weights import load_weights, save_weights
 
-FORMAT = "commhg_mj training 2"
+FORMAT = "commhg_mj training 3"
 STATE, WEIGHTS = "state.pt", "weights.safetensors"
 TRAINING_SEEDS = 10**6  # missions of training seed s begin at (1 + s) times this; evaluation stays far below
 VALIDATE_EVERY = 20  # updates
@@ -39,7 +40,7 @@ class Plan:
     method: str
     scenario: Scenario
     seed: int = 0
-    links: str = "abstract"
+    links: str = DEFAULT_LINKS
     limitation: str = "nominal"
     missions: int = 3000  # to fly in all
     side_by_side: int = 32

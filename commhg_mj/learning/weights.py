@@ -9,13 +9,11 @@ from torch import nn
 
 from ..base.arguments import path_of
 from ..base.files import whole_file
-from .graphs import N_OPERATOR, N_PEER, N_PUBLIC, N_REPORT, N_RESOURCE, N_ROBOT, N_TASK_EDGE
+from .features import GROUPS
 from .registry import find_method
-from .states import N_GLOBAL, N_STATE_OPERATOR, N_STATE_ROBOT, N_STATE_TASK
 
-FORMAT = "commhg_mj weights 1"
-ACTORS = [N_ROBOT, N_PUBLIC, N_TASK_EDGE, N_PEER, N_RESOURCE, N_OPERATOR, N_REPORT]
-SCHEMA = json.dumps([*ACTORS, N_STATE_ROBOT, N_STATE_OPERATOR, N_STATE_TASK, N_GLOBAL])  # widths of features
+FORMAT = "commhg_mj weights 2"  # counts on with the rules that weights are trained under
+SCHEMA = json.dumps({group.title: group.names for group in GROUPS})  # what each column was
 
 
 def save_weights(method, path, facts: dict) -> None:
@@ -51,7 +49,7 @@ def load_weights(path) -> tuple[nn.Module, dict]:
     except (OSError, SafetensorError) as error:
         raise ValueError(f"weights {path}: {str(error).splitlines()[0]}") from None
     if metadata.get("format") != FORMAT:
-        raise ValueError(f"{path} holds no weights of this version ({FORMAT}), but {metadata.get('format')}")
+        raise ValueError(f"{path} holds no weights of this version and its rules ({FORMAT}), but {metadata.get('format')}")
     if metadata.get("schema") != SCHEMA:
         raise ValueError(f"{path} was trained with other features than this version has")
     try:

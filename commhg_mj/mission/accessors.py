@@ -2,8 +2,12 @@
 
 Passing twenty arrays to every rule costs more than the rules themselves (numba counts references), so a
 mission's record holds the addresses of its robots, tasks, …; the accessors below turn an address and
-indices into a record, without copying: `robot_of(m, r).x += 1.0`. The batch that owns the arrays keeps
+indices into a record, without copying: `true_robot(m, r).x += 1.0`. The batch that owns the arrays keeps
 them alive.
+
+A `true_` row is how somebody or something is; a `known_` row is what somebody has been told or has sensed of it. Where an
+actor observes or decides, the rules read its own true row, what is public of others, and known rows
+(tests/mission/test_true_and_known.py); the resolver, decide.claim, is the one exception.
 """
 
 import numba
@@ -80,13 +84,14 @@ def copy_record(typing_context, target, source):
     return types.void(target, source), codegen
 
 
-robot_of = _accessor(s.ROBOT, "robots_at")  # (m, robot)
-operator_of = _accessor(s.OPERATOR, "operators_at")  # (m, operator)
-task_of = _accessor(s.TASK, "tasks_at")  # (m, task)
-belief_of = _accessor(s.BELIEF, "beliefs_at", "n_tasks")  # (m, receiver, task); receiver n_robots: the station
-peer_of = _accessor(s.PEER, "peers_at", "n_robots")  # (m, receiver, robot)
+true_robot = _accessor(s.ROBOT, "robots_at")  # (m, robot)
+true_operator = _accessor(s.OPERATOR, "operators_at")  # (m, operator)
+true_task = _accessor(s.TASK, "tasks_at")  # (m, task)
+known_task = _accessor(s.BELIEF, "beliefs_at", "n_tasks")  # (m, receiver, task); receiver n_robots: the station
+known_robot = _accessor(s.PEER, "peers_at", "n_robots")  # (m, receiver, robot)
 inbox_of = _accessor(s.INBOX, "inboxes_at")  # (m, receiver)
-resource_of = _accessor(s.RESOURCE, "resources_at", "n_operators")  # (m, robot, operator)
+known_operator = _accessor(s.RESOURCE, "resources_at", "n_operators")  # (m, robot, operator)
+command_of = _accessor(s.COMMAND, "commands_at", "n_operators")  # (m, robot, operator)
 tip_of = _accessor(s.TIP, "tips_at", "n_tasks")  # (m, robot, task)
 uplink_of = _accessor(s.WAITING, "uplinks_at", "n_uplink_places")  # (m, robot, place)
 downlink_of = _accessor(s.WAITING, "downlinks_at", "n_downlink_places")  # (m, operator, place)

@@ -9,9 +9,9 @@ from ..base.arguments import flag, instance, seeds_of, whole
 from ..base.kernels import ensure_compiled, kernel
 from ..base.terms import IDLE, KEEP, NOBODY, REST
 from ..models.world import World, make_world
-from ..radio.link_models import OWN_MODELS, radio_rules
+from ..radio.link_models import DEFAULT_LINKS, OWN_MODELS, radio_rules
 from ..scenarios import Scenario, load_scenario
-from .accessors import operator_of, robot_of
+from .accessors import true_operator, true_robot
 from .decide import (
     ILLEGAL,
     N_ROBOT_RULES,
@@ -35,12 +35,14 @@ LONGEST_STEP = 86_400  # s: the longest mission's limit
 
 
 @kernel
-def advance_and_observe(missions, seconds, seen, masks):
+def advance_and_observe(missions, seconds, discount, earned, seen, masks):
     """Advance every mission until somebody in it is due or by its `seconds` [E], and observe for all who are due.
 
     Mission by mission, so that its arrays are still in the processor's cache when they are observed.
 
     Args:
+      discount: a second, of what is earned.
+      earned: [E, 2] is filled with the reward's two parts.
       seen, masks: room for every actor of every mission; the first rows are filled.
 
     Returns:
@@ -49,17 +51,17 @@ def advance_and_observe(missions, seconds, seen, masks):
     i, k = 0, 0
     for e in range(missions.shape[0]):
         m = missions[e]
-        advance(m, seconds[e])
+        advance(m, seconds[e], discount, earned[e])
         if m.over:
             continue
         for r in range(m.n_robots):
-            if robot_of(m, r).due:
+            if true_robot(m, r).due:
                 seen.robots[i].mission = e
                 observe_robot(m, r, seen.robots[i], seen.robot_tasks[i], seen.robot_peers[i], seen.robot_operators[i])
                 copy_robot_masks(seen, masks, i)
                 i += 1
         for h in range(m.n_operators):
-            if operator_of(m, h).due:
+            if true_operator(m, h).due:
                 seen.operators[k].mission = e
                 observe_operator(m, h, seen.operators[k], seen.operator_reports[k])
                 copy_operator_masks(seen, masks, k)
@@ -83,14 +85,18 @@ class MissionBatch:
       limitation: "nominal", "low" or "high".
       record: keep what a trace needs (`commhg_mj.mission.trace`).
 
+    Attributes:
+      discount: a second, of `rewards` within a step; 1 by default.
+      rewards: [E, 2] of the last step, mission and coordination part (paper, eq. 4).
+
     Raises:
       ValueError: an argument is impossible; the message names it.
     """
 
-    def __init__(self, scenario, seeds, links="abstract", limitation="nominal", record=False):
+    def __init__(self, scenario, seeds, links=DEFAULT_LINKS, limitation="nominal", record=False):
         self.scenario: Scenario = load_scenario(scenario)
         self.seeds = seeds_of(seeds)
-        self.links, self.limitation, self.record = links, limitation, flag("record", record)
+        self.links, self.limitation, self.record, self.discount = links, limitation, flag("record", record), 1.0
         radio_rules(self.scenario, links, limitation)  # refuses both by name before any world is made
         ensure_compiled()
         self.worlds: list[World] = [make_world(self.scenario, seed) for seed in self.seeds]
@@ -126,7 +132,6 @@ class MissionBatch:
         for e, world in enumerate(self.worlds):
             draw_mission(self.state, e, world)
         initialize(self.state)
-        self.rewards = np.zeros((n, 2))
         self._is_new = np.ones(n, bool)
         return self._advance(0)
 
@@ -164,16 +169,15 @@ class MissionBatch:
 
     def step_legal(self, decisions: Decisions, seconds: int = 0) -> Observations:
         """`step` for who knows that the decisions are legal, and of the types that `Decisions` says."""
-        before = self.state.missions["reward"].copy()
         apply_decisions(self.state.missions, self._masks, decisions)
-        observations = self._advance(seconds)
-        self.rewards = self.state.missions["reward"] - before
-        return observations
+        return self._advance(seconds)
 
     def _advance(self, seconds) -> Observations:
         """Advance and observe; a new mission stands at t = 0, where everybody is due."""
         seen, masks = new_observations(len(self.seeds), self.scenario), new_masks(len(self.seeds), self.scenario)
-        n, k = advance_and_observe(self.state.missions, np.where(self._is_new, 0, seconds), seen, masks)
+        lasts = np.where(self._is_new, 0, seconds)
+        self.rewards = np.zeros((len(self.seeds), 2))
+        n, k = advance_and_observe(self.state.missions, lasts, self.discount, self.rewards, seen, masks)
         self._is_new[:] = False
         self.observations = Observations(*(table[:rows] for table, rows in zip(seen, (n, n, n, n, k, k))))
         self._masks = Masks(*(table[:rows] for table, rows in zip(masks, (n, n, n, k, k))))

@@ -6,10 +6,11 @@ import numpy as np
 
 from ..base.kernels import kernel
 from ..base.terms import IDLE, KEEP, NOBODY, REST, Kind, Session
-from .accessors import belief_of, operator_of, robot_of, task_of, uplink_of
-from .control import bid, renew, withdraw
+from .accessors import known_task, true_operator, true_robot, true_task, uplink_of
+from .control import bid, leave, renew
 from .observe import OPERATOR_SEES, ROBOT_SEES
 from .recorder import log_operator_decision, log_robot_decision
+from .records import is_compatible
 from .service import drop_task, take_task
 from .transport import broadcast, displace, enqueue
 
@@ -131,12 +132,12 @@ def apply_decisions(missions, masks, decisions):
     for i in range(masks.robots.shape[0]):
         m, r = missions[masks.robots[i].mission], masks.robots[i].robot
         choice = int(decisions.task[i])
-        if choice == IDLE or (choice >= 0 and choice != robot_of(m, r).task):
+        if choice == IDLE or (choice >= 0 and choice != true_robot(m, r).task):
             drop_task(m, r)
     for i in range(masks.robots.shape[0]):
         m, r = missions[masks.robots[i].mission], masks.robots[i].robot
-        robot_of(m, r).due = 0
-        robot_of(m, r).next_decision = m.now + m.rules.robot_period
+        true_robot(m, r).due = 0
+        true_robot(m, r).next_decision = m.now + m.rules.robot_period
         log_robot_decision(m, r, decisions.task[i], decisions.broadcast[i], decisions.query[i], decisions.assist[i])
         claim(m, r, int(decisions.task[i]))
         speak(m, r, decisions.broadcast[i], int(decisions.query[i]), decisions.assist[i])
@@ -148,21 +149,28 @@ def apply_decisions(missions, masks, decisions):
 
 @kernel
 def claim(m, r, choice):
-    """Take the chosen task unless somebody owns it; the later claim loses and decides again at once."""
-    if choice < 0 or choice == robot_of(m, r).task:
+    """The resolver: take the chosen task unless somebody owns it; the later claim loses and decides again at once.
+
+    The one place where a decision meets a truth that nobody has delivered: who owns the task.
+    """
+    robot, task = true_robot(m, r), true_task(m, choice)
+    if choice < 0 or choice == robot.task:
         return
-    if task_of(m, choice).owner == NOBODY:
+    if task.owner == NOBODY:
+        if not is_compatible(robot.embodiment, task.type):
+            m.incompatibles += 1
+            m.tick_reward[1] -= m.rules.incompatible_cost
         take_task(m, r, choice)
     else:
-        belief_of(m, r, choice).refused_until = m.now + m.rules.refusal
+        known_task(m, r, choice).refused_until = m.now + m.rules.refusal
         m.refusals += 1
-        robot_of(m, r).due = 1
+        true_robot(m, r).due = 1
 
 
 @kernel
 def speak(m, r, wants_broadcast, query, assist):
     """Broadcast now; a query or a request queues and displaces telemetry that waits."""
-    robot, now = robot_of(m, r), m.now
+    robot, now = true_robot(m, r), m.now
     if wants_broadcast:
         broadcast(m, r, now)
     if query != NOBODY:
@@ -177,13 +185,13 @@ def speak(m, r, wants_broadcast, query, assist):
 @kernel
 def supervise(m, h, choice):
     """Operator h keeps, rests or bids for a robot."""
-    operator, now = operator_of(m, h), m.now
+    operator, now = true_operator(m, h), m.now
     if choice == KEEP:
         operator.exempt = 0
         renew(m, h, now)
     elif choice == REST:
         if operator.session != RESTING:
-            withdraw(m, h, now)
+            leave(m, h, now)
     elif choice != operator.robot:
         bid(m, h, choice, now)
     operator.due = 0

@@ -7,7 +7,7 @@ from ..base.kernels import kernel
 from ..base.terms import NOBODY, Embodiment, TaskType
 from ..models.world import World
 from ..radio import LinkModel
-from .accessors import robot_of, task_of
+from .accessors import true_robot, true_task
 from .estimate import expected_utility
 from .observe import TASK_SEEN, observe_tasks
 from .recorder import log_tick
@@ -89,12 +89,12 @@ def open_missions(missions, rows, utilities):
         release_and_change(m, 0)
         look_around(m, 0)
         for r in range(m.n_robots):
-            robot = robot_of(m, r)
+            robot = true_robot(m, r)
             observe_tasks(m, r, False, rows)
             for j in range(m.n_tasks):
                 row = rows[j]
                 utilities[e, r, j] = 0.0
-                if row.released and is_compatible(robot.embodiment, task_of(m, j).announced):
+                if row.released and is_compatible(robot.embodiment, true_task(m, j).announced):
                     speed = m.rules.speed[0, robot.embodiment]
                     utilities[e, r, j] = expected_utility(
                         m.rules, row.distance, speed, row.difficulty, row.value, row.deadline, row.decay, 0.0
@@ -109,7 +109,7 @@ def assign_first_targets(missions, targets):
         for r in range(m.n_robots):
             if targets[e, r] != NOBODY:
                 take_task(m, r, targets[e, r])
-                robot_of(m, r).prescribed = m.rules.initial_phase_end > 0
+                true_robot(m, r).prescribed = m.rules.initial_phase_end > 0
         log_tick(m)
 
 

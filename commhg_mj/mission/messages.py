@@ -3,7 +3,7 @@
 from ..base.elementary_functions import distance
 from ..base.kernels import kernel
 from ..base.terms import NOBODY, Activity
-from .accessors import belief_of, copy_record, downlink_of, operator_of, peer_of, robot_of, task_of, tip_of
+from .accessors import command_of, copy_record, downlink_of, known_robot, known_task, tip_of, true_operator, true_robot, true_task
 from .records import DONE, OPEN
 from .state import NEVER
 
@@ -39,7 +39,7 @@ def copy_payload(source, target):
 @kernel
 def write_peer(m, record, r, time):
     """Fill a record with robot r's true state, as it reports it itself."""
-    robot = robot_of(m, r)
+    robot = true_robot(m, r)
     record.time = time
     record.x = robot.x
     record.y = robot.y
@@ -48,8 +48,12 @@ def write_peer(m, record, r, time):
     record.controller = robot.controller
     record.task = robot.task
     # On its way a robot knows nothing of its task's progress.
-    record.progress = task_of(m, robot.task).progress if robot.activity == SERVICING else 0.0
+    record.progress = true_task(m, robot.task).progress if robot.activity == SERVICING else 0.0
     record.request_time = NEVER
+    record.command_from, record.command_sent = NOBODY, NEVER
+    for h in range(m.n_operators):
+        if command_of(m, r, h).sent > record.command_sent:
+            record.command_from, record.command_sent = h, command_of(m, r, h).sent
 
 
 @kernel
@@ -61,9 +65,9 @@ def freshness(belief, task, own_task):
 @kernel
 def freshest(m, r, only_sensed, limit, message):
     """Copy robot r's `limit` freshest task records into a message, newest first."""
-    own, count = robot_of(m, r).task, 0
+    own, count = true_robot(m, r).task, 0
     for j in range(m.n_tasks):
-        belief = belief_of(m, r, j)
+        belief = known_task(m, r, j)
         if belief.time < 0.0 or (only_sensed and not belief.sensed) or limit == 0:
             continue
         rank = freshness(belief, j, own)
@@ -81,22 +85,28 @@ def freshest(m, r, only_sensed, limit, message):
 
 
 @kernel
+def count_waiting(m, h):
+    """How many messages wait for operator h's tokens."""
+    waiting = 0
+    for place in range(m.n_downlink_places):
+        waiting += downlink_of(m, h, place).since >= 0.0
+    return waiting
+
+
+@kernel
 def write_reply(m, message, h, tip, now):
     """Operator h's resources, and the station's record of task `tip`, if any."""
-    operator, report = operator_of(m, h), message.resource
+    operator, report = true_operator(m, h), message.resource
     report.time = now
     report.tokens = operator.tokens
     report.robot = operator.robot
     report.session = operator.session
     report.fatigue_class = 0 if operator.fatigue < TIRING else (1 if operator.fatigue < TIRED else 2)
-    waiting = 0
-    for place in range(m.n_downlink_places):
-        waiting += downlink_of(m, h, place).since >= 0.0
-    report.queue = waiting
+    report.queue = count_waiting(m, h)
     if tip != NOBODY:
         message.records = 1
         message.task[0] = tip
-        message.belief[0] = belief_of(m, m.n_robots, tip)
+        message.belief[0] = known_task(m, m.n_robots, tip)
 
 
 @kernel
@@ -106,13 +116,13 @@ def choose_tip(m, r):
     Its reported assignment first, if done or changed; then the nearest change that it has not been sent.
     """
     station = m.n_robots
-    report = peer_of(m, station, r)
+    report = known_robot(m, station, r)
     x, y = m.station_x, m.station_y  # where all robots start
     if report.time >= 0.0:
         x, y = report.x, report.y
     tip, nearest = NOBODY, 1e300
     for j in range(m.n_tasks):
-        belief, task = belief_of(m, station, j), task_of(m, j)
+        belief, task = known_task(m, station, j), true_task(m, j)
         ends = belief.status == DONE or belief.type != task.announced
         if not ends and (belief.status == OPEN or report.task == j):
             continue

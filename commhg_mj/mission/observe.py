@@ -10,25 +10,26 @@ import numpy as np
 
 from ..base.elementary_functions import distance
 from ..base.kernels import kernel
-from ..base.terms import NOBODY, Embodiment, Kind, Mode, Session
+from ..base.terms import NOBODY, Activity, Embodiment, Kind, Mode, Session
 from ..models.routes import measure_goals
 from .accessors import (
-    belief_of,
-    operator_of,
-    peer_of,
-    resource_of,
-    robot_of,
+    known_operator,
+    known_robot,
+    known_task,
     routes_of,
     scratch_of,
-    task_of,
+    true_operator,
+    true_robot,
+    true_task,
     uplink_of,
 )
+from .messages import count_waiting
 from .records import DONE, OPEN, believed_type, is_compatible, is_ruled_out
 from .state import record
 
 UNKNOWN = -1.0
 UGV, CONTROLLED = int(Embodiment.UGV), int(Mode.CONTROLLED)
-RESTING, HELD = int(Session.REST), int(Session.HELD)
+RESTING, HELD, FAILED = int(Session.REST), int(Session.HELD), int(Activity.FAILED)
 REQUEST = int(Kind.REQUEST)
 
 ROBOT_SEES = record(  # itself; times in s, bytes in B
@@ -48,11 +49,12 @@ OPERATOR_SEEN = record(  # by a robot: an operator's resource report
 )  # fmt: skip
 OPERATOR_SEES = record(  # itself
     mission="i4", operator="i4", time="f4", proficiency=("f4", (2,)), capacity="f4", fatigue="f4", session="i1", robot="i4",
-    lease_left="f4", since_bid="f4", tokens="f4", exempt="i1", can_keep="i1",
+    lease_left="f4", since_bid="f4", tokens="f4", queue="i4", exempt="i1", can_keep="i1",
 )  # fmt: skip
-REPORT_SEEN = record(  # by an operator: a robot's report, and the public attributes of the task that it names
+REPORT_SEEN = record(  # by an operator: a robot's report, and what is public and the station believes of the task it names
     legal="i1", embodiment="i1", activity="i1", mode="i1", controller="i1", age="f4", x="f4", y="f4", task="i4", progress="f4",
     request_age="f4", difficulty="f4", value="f4", deadline="f4", decay="f4", distance="f4",
+    task_type="i1", task_status="i1", compatible="i1", task_progress="f4", task_age="f4",
 )  # fmt: skip
 
 
@@ -89,13 +91,13 @@ def age(now, time):
 @kernel
 def observe_robot(m, r, seen, tasks, peers, operators):
     """Everything that robot r can know."""
-    robot, now = robot_of(m, r), m.now
+    robot, now = true_robot(m, r), m.now
     seen.robot = r
     seen.time = now
     seen.embodiment, seen.activity, seen.mode, seen.controller = robot.embodiment, robot.activity, robot.mode, robot.controller
     seen.x, seen.y, seen.task, seen.tokens = robot.x, robot.y, robot.task, robot.tokens
     seen.speed = m.rules.speed[1 if robot.mode == CONTROLLED else 0, robot.embodiment]
-    seen.progress = belief_of(m, r, robot.task).progress if robot.task != NOBODY else 0.0
+    seen.progress = known_task(m, r, robot.task).progress if robot.task != NOBODY else 0.0
     seen.lease_left = robot.lease_until - now if robot.controller != NOBODY else 0.0
     seen.handover_left = max(0.0, robot.handover_until - now) if robot.controller != NOBODY else 0.0
     seen.since_broadcast = now - robot.last_broadcast
@@ -116,7 +118,7 @@ def observe_robot(m, r, seen, tasks, peers, operators):
     observe_tasks(m, r, not seen.can_idle, tasks)
     observe_peers(m, r, tasks, peers)
     for h in range(m.n_operators):
-        report, row = resource_of(m, r, h), operators[h]
+        report, row = known_operator(m, r, h), operators[h]
         row.legal = not seen.query_waits
         row.age = age(now, report.time)
         row.session, row.robot, row.fatigue_class = report.session, report.robot, report.fatigue_class
@@ -126,11 +128,11 @@ def observe_robot(m, r, seen, tasks, peers, operators):
 @kernel
 def observe_tasks(m, r, is_prescribed, rows):
     """Public attributes, robot r's belief, the way there and the mask, task by task."""
-    robot, now, n_routes = robot_of(m, r), m.now, 0
+    robot, now, n_routes = true_robot(m, r), m.now, 0
     is_ground, place = robot.embodiment == UGV, robot.place
     wanted, between = scratch_of(m).found, routes_of(m).between
     for j in range(m.n_tasks):
-        task, belief, row = task_of(m, j), belief_of(m, r, j), rows[j]
+        task, belief, row = true_task(m, j), known_task(m, r, j), rows[j]
         row.claimed_by, row.claim_age = NOBODY, UNKNOWN
         row.released = task.released
         row.legal = 0
@@ -179,9 +181,9 @@ def observe_peers(m, r, tasks, rows):
     """Cached reports of the other robots; a fresh claim of a task is noted beside the task."""
     now = m.now
     for other in range(m.n_robots):
-        peer, row = peer_of(m, r, other), rows[other]
+        peer, row = known_robot(m, r, other), rows[other]
         row.age = age(now, peer.time)
-        row.embodiment = robot_of(m, other).embodiment
+        row.embodiment = true_robot(m, other).embodiment
         row.x, row.y, row.task = peer.x, peer.y, peer.task
         row.activity, row.mode, row.controller = peer.activity, peer.mode, peer.controller
         if peer.time >= 0.0 and peer.task != NOBODY:
@@ -193,7 +195,7 @@ def observe_peers(m, r, tasks, rows):
 @kernel
 def observe_operator(m, h, seen, rows):
     """Everything that operator h can know: itself, its session, and the station's reports."""
-    operator, now = operator_of(m, h), m.now
+    operator, now = true_operator(m, h), m.now
     station = m.n_robots
     seen.operator = h
     seen.time = now
@@ -201,19 +203,34 @@ def observe_operator(m, h, seen, rows):
     seen.capacity, seen.fatigue, seen.tokens = operator.capacity, operator.fatigue, operator.tokens
     seen.session, seen.robot, seen.exempt = operator.session, operator.robot, operator.exempt
     # Whether its last renewal arrived, the operator cannot know.
-    seen.lease_left = operator.renewed_at + m.rules.lease - now if operator.session == HELD else 0.0
+    seen.lease_left = operator.lease_sent + m.rules.lease - now if operator.session == HELD else 0.0
     seen.since_bid = age(now, operator.bid_at) if operator.session != RESTING else UNKNOWN
+    seen.queue = count_waiting(m, h)
     seen.can_keep = operator.session != RESTING
     for r in range(m.n_robots):
-        report, row = peer_of(m, station, r), rows[r]
-        row.legal = r != operator.robot
-        row.embodiment = robot_of(m, r).embodiment
+        report, row = known_robot(m, station, r), rows[r]
+        row.legal = r != operator.robot and report.time >= 0.0 and report.activity != FAILED
+        row.embodiment = true_robot(m, r).embodiment
         row.age = age(now, report.time)
         row.activity, row.mode, row.controller = report.activity, report.mode, report.controller
         row.x, row.y, row.task, row.progress = report.x, report.y, report.task, report.progress
         row.request_age = age(now, report.request_time)
-        row.difficulty, row.value, row.deadline, row.decay, row.distance = 0.0, 0.0, 0.0, 0.0, 0.0
-        if report.task != NOBODY:
-            task = task_of(m, report.task)
-            row.difficulty, row.value, row.deadline, row.decay = task.difficulty, task.value, task.deadline, task.decay
-            row.distance = distance(task.x - report.x, task.y - report.y)
+        observe_reported_task(m, report, row)
+
+
+@kernel
+def observe_reported_task(m, report, row):
+    """What is public of the task that a report names, and what the station believes of it."""
+    row.difficulty, row.value, row.deadline, row.decay, row.distance = 0.0, 0.0, 0.0, 0.0, 0.0
+    row.task_type, row.task_status, row.compatible, row.task_progress, row.task_age = 0, 0, 0, 0.0, UNKNOWN
+    if report.task == NOBODY:
+        return
+    station, j = m.n_robots, int(report.task)
+    task, belief = true_task(m, j), known_task(m, station, j)
+    row.difficulty, row.value, row.deadline, row.decay = task.difficulty, task.value, task.deadline, task.decay
+    row.distance = distance(task.x - report.x, task.y - report.y)
+    row.task_type = believed_type(m, station, j)
+    row.compatible = is_compatible(row.embodiment, row.task_type)
+    row.task_age = age(m.now, belief.time)
+    if belief.time >= 0.0:
+        row.task_status, row.task_progress = belief.status, belief.progress

@@ -2,13 +2,13 @@
 
 from ..base.kernels import kernel
 from ..radio.links import is_in_range, is_spatial, mast_antenna, passing_share, robot_antenna
-from .accessors import obstacles_of, robot_of
+from .accessors import obstacles_of, true_robot
 
 
 @kernel
 def radio_of(m, r):
     """The robot whose links robot r has: itself, but for the control with shuffled identities."""
-    return robot_of(m, robot_of(m, r).radio_of)
+    return true_robot(m, true_robot(m, r).radio_of)
 
 
 @kernel

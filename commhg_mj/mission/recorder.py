@@ -9,20 +9,20 @@ from ..base.terms import NOBODY, Kind
 from ..radio.links import fates
 from . import state as s
 from .accessors import (
-    belief_of,
     belief_row,
+    known_operator,
+    known_robot,
+    known_task,
     link_row,
     message_row,
-    operator_of,
     operator_row,
-    peer_of,
     peer_row,
-    resource_of,
     resource_row,
     reward_row,
-    robot_of,
     robot_row,
-    task_of,
+    true_operator,
+    true_robot,
+    true_task,
 )
 from .propagation import link_between, link_to_station
 
@@ -118,14 +118,14 @@ def log_tick(m):
     if now >= m.n_log_ticks:
         return
     for r in range(m.n_robots):
-        robot, row = robot_of(m, r), robot_row(m, now, r)
+        robot, row = true_robot(m, r), robot_row(m, now, r)
         row.x, row.y, row.tokens = robot.x, robot.y, robot.tokens
         row.task, row.activity, row.mode, row.controller = robot.task, robot.activity, robot.mode, robot.controller
-        row.progress = task_of(m, robot.task).progress if robot.task != NOBODY else 0.0
+        row.progress = true_task(m, robot.task).progress if robot.task != NOBODY else 0.0
         row.choice = NOT_DECIDED
         row.query = NOBODY
     for h in range(m.n_operators):
-        operator, row = operator_of(m, h), operator_row(m, now, h)
+        operator, row = true_operator(m, h), operator_row(m, now, h)
         row.fatigue, row.tokens = operator.fatigue, operator.tokens
         row.session, row.robot, row.choice = operator.session, operator.robot, NOT_DECIDED
     if now > 0:
@@ -161,16 +161,16 @@ def sample_records(m, k, now):
     n = m.n_robots
     for receiver in range(n + 1):
         for j in range(m.n_tasks):
-            belief, row = belief_of(m, receiver, j), belief_row(m, k * (n + 1) + receiver, j)
+            belief, row = known_task(m, receiver, j), belief_row(m, k * (n + 1) + receiver, j)
             row.time, row.type, row.status = belief.time, belief.type, belief.status
             row.progress = np.uint8(255.0 * belief.progress + 0.5)
             row.refused = belief.refused_until > now
         for r in range(n):
-            peer, row = peer_of(m, receiver, r), peer_row(m, k * (n + 1) + receiver, r)
+            peer, row = known_robot(m, receiver, r), peer_row(m, k * (n + 1) + receiver, r)
             row.time, row.task, row.x, row.y = peer.time, peer.task, peer.x, peer.y
             row.activity, row.mode, row.controller = peer.activity, peer.mode, peer.controller
     for r in range(n):
         for h in range(m.n_operators):
-            report, row = resource_of(m, r, h), resource_row(m, k * n + r, h)
+            report, row = known_operator(m, r, h), resource_row(m, k * n + r, h)
             row.time, row.tokens, row.queue, row.robot = report.time, report.tokens, report.queue, report.robot
             row.session, row.fatigue_class = report.session, report.fatigue_class

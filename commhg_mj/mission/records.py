@@ -5,7 +5,7 @@ Newer evidence replaces older, relaying refreshes nothing, completion is termina
 
 from ..base.kernels import kernel
 from ..base.terms import Activity, Embodiment, Status, TaskType
-from .accessors import belief_of, copy_record, inbox_of, peer_of, robot_of, routes_of, task_of
+from .accessors import copy_record, inbox_of, known_robot, known_task, routes_of, true_robot, true_task
 from .state import NEVER
 
 OPEN, DONE, SERVICING = int(Status.OPEN), int(Status.DONE), int(Activity.SERVICING)
@@ -24,22 +24,22 @@ def is_compatible(embodiment, task_type):
 @kernel
 def believed_type(m, receiver, task):
     """The type by the receiver's evidence, or the announced one."""
-    belief = belief_of(m, receiver, task)
-    return belief.type if belief.time >= 0.0 else task_of(m, task).announced
+    belief = known_task(m, receiver, task)
+    return belief.type if belief.time >= 0.0 else true_task(m, task).announced
 
 
 @kernel
 def is_ruled_out(m, robot, task):
     """Whether the robot's own evidence says that it cannot service the task any more."""
-    belief = belief_of(m, robot, task)
+    belief = known_task(m, robot, task)
     known_done = belief.time >= 0.0 and belief.status == DONE
-    return known_done or not is_compatible(robot_of(m, robot).embodiment, believed_type(m, robot, task))
+    return known_done or not is_compatible(true_robot(m, robot).embodiment, believed_type(m, robot, task))
 
 
 @kernel
 def learn_task(m, receiver, task, task_type, status, progress, time, sensed):
     """Merge one piece of task evidence; a robot whose held task is contradicted becomes due."""
-    belief = belief_of(m, receiver, task)
+    belief = known_task(m, receiver, task)
     known = belief.time >= 0.0
     if (known and belief.status == DONE) or time <= belief.time:
         return
@@ -48,17 +48,17 @@ def learn_task(m, receiver, task, task_type, status, progress, time, sensed):
     belief.status = status
     belief.progress = progress
     belief.sensed = sensed
-    if receiver < m.n_robots and robot_of(m, receiver).task == task and is_ruled_out(m, receiver, task):
-        robot_of(m, receiver).due = 1
+    if receiver < m.n_robots and true_robot(m, receiver).task == task and is_ruled_out(m, receiver, task):
+        true_robot(m, receiver).due = 1
 
 
 @kernel
 def learn_peer(m, receiver, r, record):
     """Merge a robot's report of itself; returns whether its task, activity or mode is news."""
-    held = peer_of(m, receiver, r)
+    held = known_robot(m, receiver, r)
     if record.time <= held.time:
         return False
-    if robot_of(m, r).failed_at == NEVER:
+    if true_robot(m, r).failed_at == NEVER:
         inbox = inbox_of(m, receiver)
         inbox.known += held.time < 0.0
         inbox.time_sum += record.time - max(0.0, held.time)
@@ -72,7 +72,7 @@ def learn_peer(m, receiver, r, record):
 def stop_ageing(m, r):
     """A robot that failed reports no more: its records leave the age of information."""
     for receiver in range(m.n_robots + 1):
-        held = peer_of(m, receiver, r)
+        held = known_robot(m, receiver, r)
         if held.time >= 0.0:
             inbox_of(m, receiver).known -= 1
             inbox_of(m, receiver).time_sum -= held.time
@@ -83,7 +83,7 @@ def age_records(m, now):
     """Add this second's ages of living robots' records at every living receiver (age of information)."""
     n_robots = m.n_robots
     for receiver in range(n_robots + 1):
-        if receiver == n_robots or robot_of(m, receiver).failed_at == NEVER:
+        if receiver == n_robots or true_robot(m, receiver).failed_at == NEVER:
             inbox = inbox_of(m, receiver)
             inbox.age_sum += inbox.known * now - inbox.time_sum
             inbox.samples += inbox.known
@@ -92,12 +92,12 @@ def age_records(m, now):
 @kernel
 def sense(m, r, now):
     """Robot r sees the true state of every released task within its radius."""
-    robot, pois = robot_of(m, r), routes_of(m).goals
+    robot, pois = true_robot(m, r), routes_of(m).goals
     x, y, place = robot.x, robot.y, robot.place
     radius2 = m.rules.sensing_radius**2
     for j in range(m.n_tasks):
         dx, dy = pois[j, 0] - x, pois[j, 1] - y
         if dx * dx + dy * dy <= radius2 or j == place:
-            task = task_of(m, j)
+            task = true_task(m, j)
             if task.released:
                 learn_task(m, r, j, task.type, task.status, task.progress, float(now), 1)

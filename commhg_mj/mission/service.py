@@ -4,7 +4,7 @@ from ..base.elementary_functions import distance, exp
 from ..base.kernels import kernel
 from ..base.terms import NOBODY, Activity, Embodiment, Mode, Status
 from ..models.routes import DIRECT, best_start, find_visible, is_clear
-from .accessors import operator_of, robot_of, routes_of, scratch_of, task_of
+from .accessors import routes_of, scratch_of, true_operator, true_robot, true_task
 from .randomness import Event, uniform
 from .records import is_compatible
 
@@ -18,10 +18,10 @@ SERVICE = int(Event.SERVICE)
 @kernel
 def drop_task(m, r):
     """Robot r gives up its task; its progress stays."""
-    robot = robot_of(m, r)
+    robot = true_robot(m, r)
     if robot.task == NOBODY:
         return
-    task = task_of(m, robot.task)
+    task = true_task(m, robot.task)
     task.owner = NOBODY
     if robot.activity == SERVICING:
         task.status = OPEN
@@ -32,37 +32,26 @@ def drop_task(m, r):
 
 @kernel
 def finish_task(m, r):
-    """Robot r has no use for its task any more: it idles and is due; its operator may switch freely."""
-    robot = robot_of(m, r)
+    """Robot r has no use for its task any more: it is done, or incompatible and the way there was in vain."""
     drop_task(m, r)
-    robot.due = 1
-    if robot.controller != NOBODY:
-        operator_of(m, robot.controller).exempt = 1
-
-
-@kernel
-def reject_task(m, r):
-    """Robot r has found its task incompatible: the way there was in vain."""
-    m.incompatibles += 1
-    m.tick_reward[1] -= m.rules.incompatible_cost
-    finish_task(m, r)
+    true_robot(m, r).due = 1
 
 
 @kernel
 def take_task(m, r, j):
     """Robot r owns task j and sets out for it."""
-    robot = robot_of(m, r)
+    robot = true_robot(m, r)
     robot.task = j
     robot.activity = TRAVELLING
-    task_of(m, j).owner = r
+    true_task(m, j).owner = r
     plan_route(m, r)
 
 
 @kernel
 def plan_route(m, r):
     """Aim at the task, for a ground robot over the first corner of its shortest route."""
-    robot = robot_of(m, r)
-    task = task_of(m, robot.task)
+    robot = true_robot(m, r)
+    task = true_task(m, robot.task)
     aim_at_corner(m, robot, DIRECT)
     routes = routes_of(m)
     if robot.embodiment != UGV or is_clear(routes.frames, robot.x, robot.y, task.x, task.y):
@@ -75,7 +64,7 @@ def plan_route(m, r):
 @kernel
 def aim_at_corner(m, robot, corner):
     """Make a corner of the route, or the goal behind the last one, the next waypoint."""
-    task = task_of(m, robot.task)
+    task = true_task(m, robot.task)
     robot.hop = corner
     if corner == DIRECT:
         robot.waypoint_x, robot.waypoint_y = task.x, task.y
@@ -86,7 +75,7 @@ def aim_at_corner(m, robot, corner):
 @kernel
 def travel(m, r):
     """One second on the way; service starts on arrival if the true type permits it."""
-    robot = robot_of(m, r)
+    robot = true_robot(m, r)
     robot.place = NOBODY
     left = m.rules.speed[1 if robot.mode == CONTROLLED else 0, robot.embodiment]
     while True:
@@ -107,12 +96,10 @@ def travel(m, r):
 @kernel
 def arrive(m, r):
     """At the POI: start service, or discover that there is none to give."""
-    robot = robot_of(m, r)
-    task = task_of(m, robot.task)
+    robot = true_robot(m, r)
+    task = true_task(m, robot.task)
     robot.place = robot.task
-    if not is_compatible(robot.embodiment, task.type):
-        reject_task(m, r)
-    elif task.status == DONE:
+    if task.status == DONE or not is_compatible(robot.embodiment, task.type):
         finish_task(m, r)
     else:
         robot.activity = SERVICING
@@ -152,25 +139,30 @@ def controlled_success(rules, difficulty, fatigue):
 
 @kernel
 def serve(m, r, now):
-    """One second of service; at full progress the attempt succeeds or fails."""
-    robot, rules = robot_of(m, r), m.rules
+    """One second of service; at full progress the attempt succeeds or fails.
+
+    Its chance is the mean over the progress: each share counts as it was made, autonomous or controlled.
+    """
+    robot, rules = true_robot(m, r), m.rules
     if robot.mode == HANDOVER:
         return
-    task = task_of(m, robot.task)
+    task = true_task(m, robot.task)
     if robot.mode == CONTROLLED:
-        operator = operator_of(m, robot.controller)
+        operator = true_operator(m, robot.controller)
         seconds = controlled_seconds(rules, operator, robot.embodiment, task.difficulty)
         success = controlled_success(rules, task.difficulty, operator.fatigue)
     else:
         seconds = autonomous_seconds(rules, task.difficulty)
         success = autonomous_success(rules, task.difficulty)
-    task.progress = min(1.0, task.progress + 1.0 / seconds)
+    gain = min(1.0 - task.progress, 1.0 / seconds)
+    task.progress += gain
+    task.chance += gain * success
     if task.progress < 1.0 - 1e-9:
         return
-    if uniform(m.seed, SERVICE, now, r, robot.task) < success:
+    if uniform(m.seed, SERVICE, now, r, robot.task) < task.chance:
         complete(m, r, now + 1)
     else:
-        task.progress = 0.0
+        task.progress, task.chance = 0.0, 0.0
         robot.prescribed = 0
         robot.due = 1
 
@@ -178,15 +170,15 @@ def serve(m, r, now):
 @kernel
 def complete(m, r, time):
     """The task is done for good; its value counts, discounted when late (paper, eq. 4)."""
-    j = robot_of(m, r).task
-    task = task_of(m, j)
+    j = true_robot(m, r).task
+    task = true_task(m, j)
     finish_task(m, r)
     task.progress = 1.0
     task.status = DONE
     task.done_at = time
     task.done_by = r
     m.pending_value -= task.value
-    m.tick_reward[0] += task.value * timeliness(task.deadline, task.decay, time) / m.total_value
+    m.tick_reward[0] += task.value * timeliness(task.deadline, task.decay, time)
 
 
 @kernel

@@ -32,13 +32,14 @@ RULES = record(  # a scenario's numbers as the kernels read them
     telemetry_period="f8", service_base="f8", service_per_difficulty="f8", success_autonomous=("f8", (2,)),
     success_controlled=("f8", (3,)), fatigue_rate="f8", recovery_rate="f8", travel_workload="f8",
     service_workload=("f8", (2,)), fatigue_slowdown="f8", handover="f8", lease="f8", renewal_period="f8", bid_timeout="f8",
-    refusal="f8", pending_cost="f8", switch_cost="f8", incompatible_cost="f8", conflict_cost="f8",
+    refusal="f8", pending_cost="f8", switch_cost="f8", switch_window="f8", incompatible_cost="f8", conflict_cost="f8",
 )  # fmt: skip
 
 # Where the arrays of one mission lie (mission/accessors.py): its state, its world, scratch, its log.
 ADDRESSES = (
-    "robots_at", "operators_at", "tasks_at", "beliefs_at", "peers_at", "inboxes_at", "resources_at", "tips_at", "uplinks_at",
-    "downlinks_at", "air_at", "flying_at", "counters_at", "frames_at", "kinds_at", "canopies_at", "mountains_at", "calls_at",
+    "robots_at", "operators_at", "tasks_at", "beliefs_at", "peers_at", "inboxes_at", "resources_at", "commands_at", "tips_at",
+    "uplinks_at", "downlinks_at",
+    "air_at", "flying_at", "counters_at", "frames_at", "kinds_at", "canopies_at", "mountains_at", "calls_at",
     "waves_at", "intervals_at", "ray_at", "link_at", "route_frames_at", "corners_at", "goals_at", "to_goal_at", "next_hop_at",
     "between_at", "found_at", "distance_at", "dx_at", "dy_at",
     "clearance_at", "log_robots_at", "log_operators_at",
@@ -63,15 +64,16 @@ ROBOT = record(
     next_telemetry="f8", last_broadcast="f8", last_request="f8", failed_at="f8",
 )  # fmt: skip
 
-OPERATOR = record(
-    proficiency=("f8", (2,)), capacity="f8", fatigue="f8", session="i8", robot="i8", bid_at="f8", renewed_at="f8", exempt="i8",
+OPERATOR = record(  # its session, leases and exemption are its own record: its clock, its commands, delivered reports
+    proficiency=("f8", (2,)), capacity="f8", fatigue="f8", session="i8", robot="i8", bid_at="f8", queued_at="f8",
+    accepted_at="f8", leased="i8", ordered_at="f8", lease_sent="f8", exempt="i8", left="i8", left_at="f8",
     tokens="f8", due="i8", next_decision="i8", control_time="f8",
 )  # fmt: skip
 
 TASK = record(  # what observations read lies together, in one cache line
     x="f8", y="f8", difficulty="f8", value="f8", deadline="f8", decay="f8", announced="i8", released="i8", type="i8",
     status="i8", progress="f8", owner="i8", release="f8", change_at="f8", changes_to="i8", changed_at="f8", done_at="f8",
-    done_by="i8",
+    done_by="i8", chance="f8",
 )  # fmt: skip
 
 BELIEF = record(  # what a robot (or the station) holds of a task; `time` is when it was true at its origin
@@ -79,7 +81,8 @@ BELIEF = record(  # what a robot (or the station) holds of a task; `time` is whe
 )  # fmt: skip
 
 PEER = record(  # what a robot (or the station) holds of a robot
-    time="f4", x="f4", y="f4", progress="f4", request_time="f4", task="i2", activity="i1", mode="i1", controller="i1",
+    time="f4", x="f4", y="f4", progress="f4", request_time="f4", command_sent="f4", task="i2", activity="i1", mode="i1",
+    controller="i1", command_from="i1",
 )  # fmt: skip
 
 RESOURCE = record(  # what a robot holds of an operator, from its replies
@@ -89,6 +92,8 @@ RESOURCE = record(  # what a robot holds of an operator, from its replies
 INBOX = record(  # age of information: of robot records at one receiver, summed over seconds
     known="i8", time_sum="f8", age_sum="f8", samples="i8",
 )  # fmt: skip
+
+COMMAND = record(sent="f4")  # when the newest command that a robot heard of an operator was sent
 
 TIP = record(time="f4")  # evidence time of the last tip on a task that the station sent to a robot
 
@@ -130,6 +135,7 @@ class State(NamedTuple):
     peers: np.ndarray  # [E, R + 1, R] PEER
     inboxes: np.ndarray  # [E, R + 1] INBOX
     resources: np.ndarray  # [E, R, H] RESOURCE
+    commands: np.ndarray  # [E, R, H] COMMAND
     tips: np.ndarray  # [E, R, T] TIP
     uplinks: np.ndarray  # [E, R, N_UPLINK_PLACES] WAITING
     downlinks: np.ndarray  # [E, H, 1 + R] WAITING: the command, then a reply to each robot
@@ -179,6 +185,7 @@ def new_state(n_missions: int, scenario: Scenario) -> State:
         peers=np.zeros((e, r + 1, r), PEER),
         inboxes=np.zeros((e, r + 1), INBOX),
         resources=np.zeros((e, r, h), RESOURCE),
+        commands=np.zeros((e, r, h), COMMAND),
         tips=np.zeros((e, r, t), TIP),
         uplinks=np.zeros((e, r, N_UPLINK_PLACES), WAITING),
         downlinks=np.zeros((e, h, 1 + r), WAITING),
@@ -189,11 +196,12 @@ def new_state(n_missions: int, scenario: Scenario) -> State:
     state.flying["slot"] = np.arange(slots)
     for records, fields in (
         (state.robots, ("task", "place", "controller", "failed_at", "last_request")),
-        (state.operators, ("robot",)),
+        (state.operators, ("robot", "queued_at", "leased", "left")),
         (state.tasks, ("owner", "done_at", "done_by", "changed_at", "change_at")),
         (state.beliefs, ("time", "refused_until")),
-        (state.peers, ("time", "task", "controller", "request_time")),
+        (state.peers, ("time", "task", "controller", "request_time", "command_from", "command_sent")),
         (state.resources, ("time", "robot")),
+        (state.commands, ("sent",)),
         (state.tips, ("time",)),
         (state.uplinks, ("since",)),
         (state.downlinks, ("since",)),
@@ -263,3 +271,5 @@ def write_rules(missions, scenario: Scenario, links: str, limitation: str) -> No
     rules["controlled_hazard"] = robots.controlled_hazard * rules["hazard"]
     rules["sensing_radius"] = robots.sensing_radius * side
     rules["pending_cost"] = scenario.reward.pending
+    for name in ("switch_cost", "incompatible_cost", "conflict_cost"):
+        rules[name] *= sum(scenario.tasks.values) / len(scenario.tasks.values)

@@ -4,30 +4,30 @@ from ..base.kernels import kernel
 from ..base.terms import Activity, Kind, Mode, Status
 from ..radio.links import PERFECT
 from .accessors import (
-    belief_of,
     copy_record,
     downlink_of,
     flying_of,
+    known_operator,
+    known_robot,
+    known_task,
     message_at,
-    operator_of,
-    peer_of,
-    resource_of,
-    robot_of,
-    task_of,
     tip_of,
+    true_operator,
+    true_robot,
+    true_task,
 )
-from .control import advance_sessions, break_robot, receive_command, tire
+from .control import advance_sessions, break_robot, learn_control, receive_command, tire
 from .randomness import Event, uniform
 from .recorder import log_tick
 from .records import age_records, is_compatible, learn_peer, learn_task, sense
-from .service import drop_task, reject_task, serve, travel
+from .service import drop_task, finish_task, serve, travel
 from .state import NEVER
-from .transport import close, enqueue, land, queue_telemetry, serve_downlink, serve_uplink
+from .transport import close, enqueue, land, queue_telemetry, send_last_report, serve_downlink, serve_uplink
 
 FAILED, TRAVELLING, SERVICING = int(Activity.FAILED), int(Activity.TRAVELLING), int(Activity.SERVICING)
 CONTROLLED, OPEN, DONE = int(Mode.CONTROLLED), int(Status.OPEN), int(Status.DONE)
 BROADCAST, TELEMETRY, QUERY, REQUEST = int(Kind.BROADCAST), int(Kind.TELEMETRY), int(Kind.QUERY), int(Kind.REQUEST)
-CONTROL, RENEWAL, REPLY = int(Kind.CONTROL), int(Kind.RENEWAL), int(Kind.REPLY)
+REPLY = int(Kind.REPLY)
 MALFUNCTION = int(Event.MALFUNCTION)
 
 
@@ -62,7 +62,7 @@ def malfunctions(m, now):
     """Each robot may fail for good; under control the hazard is lower."""
     rules = m.rules
     for r in range(m.n_robots):
-        robot = robot_of(m, r)
+        robot = true_robot(m, r)
         if robot.activity == FAILED:
             continue
         hazard = rules.controlled_hazard if robot.mode == CONTROLLED else rules.hazard
@@ -75,7 +75,7 @@ def malfunctions(m, now):
 def work(m, now):
     """Robots travel and service."""
     for r in range(m.n_robots):
-        activity = robot_of(m, r).activity
+        activity = true_robot(m, r).activity
         if activity == TRAVELLING:
             travel(m, r)
         elif activity == SERVICING:
@@ -86,7 +86,7 @@ def work(m, now):
 def release_and_change(m, now):
     """Tasks are announced; unserviced general tasks turn robot-exclusive without notice."""
     for j in range(m.n_tasks):
-        task = task_of(m, j)
+        task = true_task(m, j)
         if not task.released and now >= task.release:
             task.released = 1
             m.pending_value += task.value
@@ -105,7 +105,7 @@ def deliver(m, now):
         message = message_at(m, flying_of(m, k).slot)
         if message.due > now:
             continue
-        is_heard = message.receiver >= n_robots or robot_of(m, message.receiver).activity != FAILED
+        is_heard = message.receiver >= n_robots or true_robot(m, message.receiver).activity != FAILED
         if is_heard:
             receive(m, message, now)
         land(m, k, is_heard, now)
@@ -120,10 +120,11 @@ def receive(m, message, now):
         learn_peer(m, receiver, sender, message.robot)
         learn_records(m, receiver, message)
     elif kind == TELEMETRY:
+        learn_control(m, sender, message.robot)
         if learn_peer(m, station, sender, message.robot):
             for h in range(m.n_operators):
-                if operator_of(m, h).robot == sender:
-                    operator_of(m, h).due = 1
+                if true_operator(m, h).robot == sender:
+                    true_operator(m, h).due = 1
         learn_records(m, station, message)
         for k in range(message.records):  # no tip tells a robot its own news
             tip = tip_of(m, sender, message.task[k])
@@ -133,15 +134,16 @@ def receive(m, message, now):
         if waiting.since < 0.0:
             enqueue(m, waiting, REPLY, receiver, sender, now)
     elif kind == REQUEST:
-        report = peer_of(m, station, sender)
+        report = known_robot(m, station, sender)
         report.request_time = max(report.request_time, message.robot.request_time)
     elif kind == REPLY:
-        held = resource_of(m, receiver, sender - station)
+        held = known_operator(m, receiver, sender - station)
         if message.resource.time > held.time:
             copy_record(held, message.resource)
         learn_records(m, receiver, message)
+        true_robot(m, receiver).due = 1
     else:
-        receive_command(m, sender - station, receiver, kind, now)
+        receive_command(m, sender - station, receiver, kind, message.sent, now)
 
 
 @kernel
@@ -156,13 +158,13 @@ def learn_records(m, receiver, message):
 def look_around(m, now):
     """Every robot senses the tasks around it; it turns away from a task that it finds incompatible."""
     for r in range(m.n_robots):
-        robot = robot_of(m, r)
+        robot = true_robot(m, r)
         if robot.activity == FAILED:
             continue
         sense(m, r, now)
-        if robot.activity == TRAVELLING and belief_of(m, r, robot.task).time == now:
-            if not is_compatible(robot.embodiment, belief_of(m, r, robot.task).type):
-                reject_task(m, r)
+        if robot.activity == TRAVELLING and known_task(m, r, robot.task).time == now:
+            if not is_compatible(robot.embodiment, known_task(m, r, robot.task).type):
+                finish_task(m, r)
 
 
 @kernel
@@ -170,13 +172,17 @@ def communicate(m, now):
     """Telemetry falls due, and queues send what their tokens permit."""
     if m.rules.radio.link_model == PERFECT:
         for r in range(m.n_robots):
-            robot_of(m, r).tokens = m.rules.bucket
+            if true_robot(m, r).activity != FAILED:
+                true_robot(m, r).tokens = m.rules.bucket
         for h in range(m.n_operators):
-            operator_of(m, h).tokens = m.rules.bucket
+            true_operator(m, h).tokens = m.rules.bucket
     for r in range(m.n_robots):
-        if robot_of(m, r).activity != FAILED:
+        robot = true_robot(m, r)
+        if robot.activity != FAILED:
             queue_telemetry(m, r, now)
             serve_uplink(m, r, now)
+        elif robot.failed_at == now:
+            send_last_report(m, r, now)
     for h in range(m.n_operators):
         serve_downlink(m, h, now)
 
@@ -186,7 +192,7 @@ def mark_due(m, now):
     """Everybody decides at least once a period; the prescribed first targets run out."""
     rules = m.rules
     for r in range(m.n_robots):
-        robot = robot_of(m, r)
+        robot = true_robot(m, r)
         if robot.activity == FAILED:
             continue
         if robot.prescribed and now >= rules.initial_phase_end:
@@ -195,8 +201,8 @@ def mark_due(m, now):
         if now >= robot.next_decision:
             robot.due = 1
     for h in range(m.n_operators):
-        if now >= operator_of(m, h).next_decision:
-            operator_of(m, h).due = 1
+        if now >= true_operator(m, h).next_decision:
+            true_operator(m, h).due = 1
 
 
 @kernel
@@ -214,10 +220,10 @@ def is_over(m, now):
         return True
     alive = False
     for r in range(m.n_robots):
-        alive = alive or robot_of(m, r).activity != FAILED
+        alive = alive or true_robot(m, r).activity != FAILED
     pending = False
     for j in range(m.n_tasks):
-        pending = pending or task_of(m, j).status != DONE
+        pending = pending or true_task(m, j).status != DONE
     return not (alive and pending)
 
 
@@ -225,21 +231,26 @@ def is_over(m, now):
 def is_anybody_due(m):
     """Whether some actor has to decide now."""
     for r in range(m.n_robots):
-        if robot_of(m, r).due:
+        if true_robot(m, r).due:
             return True
     for h in range(m.n_operators):
-        if operator_of(m, h).due:
+        if true_operator(m, h).due:
             return True
     return False
 
 
 @kernel
-def advance(m, seconds):
-    """Tick for so many `seconds`, whoever is due meanwhile, or with 0 until somebody is due; at most to the end."""
-    if seconds > 0:
-        until = m.now + seconds
-        while not m.over and m.now < until:
-            tick(m)
-    else:
-        while not m.over and not is_anybody_due(m):
-            tick(m)
+def advance(m, seconds, discount, earned):
+    """Tick for so many `seconds`, whoever is due meanwhile, or with 0 until somebody is due; at most to the end.
+
+    Args:
+      earned: [2] is filled with both parts of the reward, each second's discounted by the seconds before it.
+    """
+    until, fade = m.now + seconds, 1.0
+    earned[0], earned[1] = 0.0, 0.0
+    while not m.over and (m.now < until or (seconds == 0 and not is_anybody_due(m))):
+        mission, coordination = m.reward[0], m.reward[1]
+        tick(m)
+        earned[0] += fade * (m.reward[0] - mission)
+        earned[1] += fade * (m.reward[1] - coordination)
+        fade *= discount

@@ -20,7 +20,7 @@ from .batch import MissionBatch
 from .recorder import SAMPLE_PERIOD
 from .score import twcr
 
-FORMAT = 1
+FORMAT = 2
 MAGIC = "commhg_mj trace"
 HEAD = ("scenario", "seed", "policy", "links", "limitation")  # which mission it is
 TABLES = ("belief", "peer", "resource")  # records sampled every `link_period` s, columns as in mission/state.py

@@ -9,15 +9,15 @@ from ..base.kernels import kernel
 from ..base.terms import NOBODY, Activity, Fate, Kind
 from ..radio.links import fates
 from .accessors import (
-    belief_of,
     counters_of,
     downlink_of,
     flying_of,
+    known_task,
     message_at,
-    operator_of,
-    robot_of,
     scratch_of,
     tip_of,
+    true_operator,
+    true_robot,
     uplink_of,
 )
 from .messages import choose_tip, copy_payload, write_broadcast, write_reply, write_telemetry
@@ -28,6 +28,7 @@ from .state import NEVER
 
 BROADCAST, TELEMETRY = int(Kind.BROADCAST), int(Kind.TELEMETRY)
 REQUEST, REPLY = int(Kind.REQUEST), int(Kind.REPLY)
+CONTROL, RENEWAL, RELEASE = int(Kind.CONTROL), int(Kind.RENEWAL), int(Kind.RELEASE)
 DELIVERED, OUT_OF_RANGE, TERRAIN, LOST = (
     int(Fate.DELIVERED), int(Fate.OUT_OF_RANGE), int(Fate.TERRAIN), int(Fate.LOST),
 )  # fmt: skip
@@ -127,13 +128,13 @@ def land(m, k, is_heard, now):
 @kernel
 def broadcast(m, r, now):
     """Robot r tells its best neighbours in range its own state and its freshest task records."""
-    robot, rules = robot_of(m, r), m.rules
+    robot, rules = true_robot(m, r), m.rules
     robot.last_broadcast = now
     degree = min(rules.out_degree, m.n_robots - 1)
     scratch, count = scratch_of(m), 0
     best, shares, ways = scratch.found, scratch.distance, scratch.dx
     for other in range(m.n_robots):
-        peer = robot_of(m, other)
+        peer = true_robot(m, other)
         if other == r or peer.activity == FAILED:
             continue
         share, way = link_between(m, r, other, BROADCAST), distance(peer.x - robot.x, peer.y - robot.y)
@@ -163,7 +164,7 @@ def broadcast(m, r, now):
 @kernel
 def serve_uplink(m, r, now):
     """Robot r sends what its tokens permit: query, request, then telemetry."""
-    robot, rules = robot_of(m, r), m.rules
+    robot, rules = true_robot(m, r), m.rules
     robot.tokens = min(rules.bucket, robot.tokens + rules.refill)
     for place in range(m.n_uplink_places):
         expire(m, uplink_of(m, r, place), now)
@@ -187,9 +188,17 @@ def serve_uplink(m, r, now):
 
 
 @kernel
+def send_last_report(m, r, now):
+    """In the second in which it fails, robot r may still say so."""
+    enqueue(m, uplink_of(m, r, 2), TELEMETRY, r, m.n_robots + m.n_operators, now)
+    serve_uplink(m, r, now)
+    displace(m, uplink_of(m, r, 2), now)
+
+
+@kernel
 def queue_telemetry(m, r, now):
     """Telemetry falls due; it yields to a query or a request that waits."""
-    robot = robot_of(m, r)
+    robot = true_robot(m, r)
     if now < robot.next_telemetry:
         return
     robot.next_telemetry = now + m.rules.telemetry_period
@@ -202,7 +211,7 @@ def queue_telemetry(m, r, now):
 @kernel
 def serve_downlink(m, h, now):
     """Operator h's link sends what its tokens permit: the command, then replies, the oldest first."""
-    operator, rules = operator_of(m, h), m.rules
+    operator, rules = true_operator(m, h), m.rules
     operator.tokens = min(rules.bucket, operator.tokens + rules.refill)
     for place in range(m.n_downlink_places):
         expire(m, downlink_of(m, h, place), now)
@@ -229,18 +238,24 @@ def oldest_reply(m, h):
 
 @kernel
 def send_downlink(m, h, waiting, now):
-    """Send operator h's command or reply to its robot."""
-    operator, rules = operator_of(m, h), m.rules
+    """Send operator h's command or reply to its robot. A lease counts from now, whenever it arrives."""
+    operator, rules = true_operator(m, h), m.rules
     kind, r = waiting.kind, waiting.target
     operator.tokens -= rules.message_bytes[kind]
     waiting.since = NEVER
     slot = transmit(m, kind, m.n_robots + h, r, link_to_station(m, r, kind), waiting.log, now)
+    if kind == CONTROL:
+        operator.leased, operator.ordered_at, operator.lease_sent = r, now, now
+    elif kind == RENEWAL:
+        operator.lease_sent = now
+    elif kind == RELEASE:
+        operator.ordered_at = now
     if kind == REPLY:
         tip = choose_tip(m, r)
         if slot != NOBODY:
             write_reply(m, message_at(m, slot), h, tip, now)
         if tip != NOBODY:
-            tip_of(m, r, tip).time = belief_of(m, m.n_robots, tip).time
+            tip_of(m, r, tip).time = known_task(m, m.n_robots, tip).time
 
 
 @kernel

@@ -5,7 +5,7 @@ Coordinates: metres; the map is [0, side]², x east, y north, z up, the plain at
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import cv2
 import numpy as np
@@ -16,7 +16,7 @@ from ..base.terms import Footprint
 from ..scenarios import Scenario
 from ..scenarios.heightmap import PLAIN
 from .relief import cover, height_share
-from .terrain import SURFACE_NODES
+from .terrain import SURFACE_NODES, floors_at, make_mountains
 
 # A footprint part is an ellipse: semi-axes a and b, `angle` from east to the axis of a. Forest parts are
 # discs (a = b), so that a MuJoCo cylinder is the same set; the parts of one forest share their `group`, and so do all
@@ -39,6 +39,7 @@ class Layout:
     station: np.ndarray  # [2]
     operators: np.ndarray  # [operators, 2] where they sit
     starts: np.ndarray  # [robots, 2] where robots begin, UAVs first
+    uav_slope: float  # of the floor of flights
 
     @property
     def mountains(self) -> np.ndarray:
@@ -58,6 +59,17 @@ class Layout:
             near = np.all((grid >= 0) & (grid <= SURFACE_NODES - 1), axis=-1)
             height[near] = np.maximum(height[near], _triangles(surface, grid[near]))
         return height[()]  # of one point a number
+
+    @cached_property
+    def terrain(self) -> np.ndarray:
+        """The mountains as kernels read them: terrain.MOUNTAIN records [n]."""
+        half_widths = [surface_half_width(part) for part in self.mountains]
+        return make_mountains(self.mountains, half_widths, self.surfaces, self.uav_slope)
+
+    def flight_floor(self, xy) -> np.ndarray:
+        """Height [m] at xy [..., 2] of the floor that UAVs keep their height above: models/terrain.py."""
+        xy = np.ascontiguousarray(xy, float)
+        return floors_at(self.terrain, xy.reshape(-1, 2)).reshape(xy.shape[:-1])[()]
 
 
 def surface_half_width(part) -> float:
@@ -120,6 +132,7 @@ def draw_layout(scenario: Scenario, rng: np.random.Generator) -> Layout:
         station=station,
         operators=np.round(station + _row(scenario.n_operators, 0.004 * side, -0.008 * side), 2),
         starts=np.round(starts, 2),
+        uav_slope=rules.uav_slope,
     )
 
 

@@ -18,6 +18,7 @@ from ..base.files import whole_file
 from ..base.terms import TaskType
 from . import meshes, textures
 from .obstacle_model import Group, add_canopies, add_geom, add_mesh, add_mountains
+from .poses import robot_positions
 from .solids import make_solid
 from .viewpoints import add_cameras
 from .world import World
@@ -117,9 +118,9 @@ def _add_robots(spec, world, pictures):
     """Mocap bodies at the starting places, UAVs at flight height."""
     scenario, scale = world.scenario, display_scale(world.layout.side)
     assets = {kind: _load(kind, pictures) for kind in ("uav", "ugv")}
-    heights = [scenario.world.uav_height] * scenario.n_uav + [0.0] * scenario.n_ugv
-    for name, start, height in zip(scenario.robot_names, world.layout.starts, heights):
-        _add_body(spec, name, [*start, height], assets[name[:3]], scale).mocap = True
+    places = np.round(robot_positions(world, world.layout.starts, np.zeros(scenario.n_robots, bool)), 2)
+    for name, place in zip(scenario.robot_names, places):
+        _add_body(spec, name, place, assets[name[:3]], scale).mocap = True
 
 
 def _add_station(spec, world, pictures):

@@ -10,9 +10,10 @@ FALLEN_HEIGHT = 1.0  # m of a failed UAV's hull above the ground
 
 def robot_positions(world: World, xy, failed) -> np.ndarray:
     """Positions [R, 3] m of the team at xy [R, 2] m, UAVs at their flight height unless they have failed [R] bool."""
-    n_uav, flight = world.scenario.n_uav, world.scenario.world.uav_height
-    height = np.where(np.arange(len(xy)) < n_uav, np.where(failed, FALLEN_HEIGHT, flight), 0.0)
-    return np.c_[xy, world.layout.ground_height(xy) + height]
+    layout, is_uav = world.layout, np.arange(len(xy)) < world.scenario.n_uav
+    on_ground = layout.ground_height(xy) + np.where(is_uav, FALLEN_HEIGHT, 0.0)
+    flying = layout.flight_floor(xy) + world.scenario.world.uav_height
+    return np.c_[xy, np.where(is_uav & ~failed, flying, on_ground)]
 
 
 def attitude(heading, pitch=0.0, roll=0.0) -> np.ndarray:

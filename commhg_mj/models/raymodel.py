@@ -13,11 +13,9 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from ..base.elementary_functions import distance
-from .layout import Layout, surface_half_width
+from .layout import Layout
 from .obstacle_model import Group, build_obstacles
 from .rays import CALLS, CANOPY, RayArrays
-from .terrain import MOUNTAIN, SURFACE_NODES
 
 
 class RayModel:
@@ -40,25 +38,12 @@ class RayModel:
         return canopies
 
     def _mountains(self, layout):
-        parts = layout.mountains
-        mountains = np.zeros(len(parts), MOUNTAIN)
-        mountains["x"], mountains["y"] = parts["x"], parts["y"]
-        mountains["half"] = [surface_half_width(part) for part in parts]
-        mountains["reach"] = [_reach(surface, half) for surface, half in zip(layout.surfaces, mountains["half"])]
-        mountains["height"] = layout.surfaces
-        mountains["top"] = layout.surfaces.max(axis=(1, 2), initial=0.0)
+        mountains = layout.terrain.copy()
         mountains["geom"] = [self.model.geom(f"mountain{i}").id for i in range(len(mountains))]
         return mountains
 
     def _calls(self):
         return np.array([(*ray_functions(), self.model._address, self.data._address)], CALLS)
-
-
-def _reach(surface, half):
-    """Radius [m] around a mountain's centre beyond which its triangles are flat: a cell's diagonal from its last node."""
-    axis = np.linspace(-half, half, SURFACE_NODES)
-    away = distance(*np.meshgrid(axis, axis))
-    return away[surface > 0].max() + np.sqrt(2) * (axis[1] - axis[0])
 
 
 _alive = weakref.WeakValueDictionary()  # ray models by their model's address, for the functions in Python

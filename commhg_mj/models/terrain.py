@@ -1,12 +1,18 @@
-"""The mountains' surface inside kernels: the ground's height, and the profile under a link.
+"""The mountains' surface inside kernels: the ground's height, the floor of flights, and the profile under a link.
 
 The same triangles as `Layout.ground_height`, which the mesh and so rays and pictures share. Along a line in
 plan the surface bends only at grid lines and diagonals: there slopes and heights above the ray peak. An open
 path may come a little nearer between them, which changes its loss by hundredths of a decibel.
+
+The floor is what UAVs keep their height above: the lowest surface over the ground that falls no faster than
+`fall` along either axis of the grids, so nowhere faster than √2 times that. Within a mountain's square it has the ground's
+triangles, with raised nodes; outside it goes on falling from the nearest point of the square. So the slope of
+every triangle is that of two of its edges, and bounded without a root.
 """
 
 import numpy as np
 
+from ..base.elementary_functions import distance
 from ..base.kernels import kernel, record
 from .intervals import crossing
 
@@ -14,8 +20,44 @@ SURFACE_NODES = 33  # a mountain's surface: heights on a square grid of this man
 LAST = SURFACE_NODES - 1
 MOUNTAIN = record(  # half: half width of its surface's square; reach: radius in plan; geom: id of its mesh (models/rays.py)
     x="f8", y="f8", half="f8", reach="f8", top="f8", geom="i8", height=("f8", (SURFACE_NODES, SURFACE_NODES)),
+    fall="f8", floor=("f8", (SURFACE_NODES, SURFACE_NODES)),  # of the floor: m a cell along an axis; m at the nodes
 )  # fmt: skip
 NOTHING = (-np.inf, -np.inf, -np.inf, -np.inf, 0.5)  # the horizon of a link that crosses no mountain
+
+
+def make_mountains(parts, half_widths, surfaces, slope) -> np.ndarray:
+    """MOUNTAIN records [n] of a layout's mountains; their meshes' ids are left to who builds them.
+
+    Args:
+      parts: [n] layout.PART.
+      half_widths: [n] m, of the surfaces' squares.
+      surfaces: [n, SURFACE_NODES, SURFACE_NODES] m.
+      slope: of the floor, rise over run in its steepest direction.
+    """
+    mountains = np.zeros(len(parts), MOUNTAIN)
+    mountains["x"], mountains["y"], mountains["half"] = parts["x"], parts["y"], half_widths
+    mountains["reach"] = [_reach(surface, half) for surface, half in zip(surfaces, half_widths)]
+    mountains["height"], mountains["top"] = surfaces, surfaces.max(axis=(1, 2), initial=0.0)
+    mountains["fall"] = slope * np.sqrt(0.5) * 2.0 * mountains["half"] / LAST
+    mountains["floor"] = raise_floor(surfaces, mountains["fall"])
+    return mountains
+
+
+def _reach(surface, half):
+    """Radius [m] around a mountain's centre beyond which its triangles are flat: a cell's diagonal from its last node."""
+    axis = np.linspace(-half, half, SURFACE_NODES)
+    away = distance(*np.meshgrid(axis, axis))
+    return away[surface > 0].max() + np.sqrt(2) * (axis[1] - axis[0])
+
+
+def raise_floor(surfaces, fall) -> np.ndarray:
+    """Surfaces [n, rows, columns] raised as little as makes neighbours along an axis differ by `fall` [n] at most."""
+    floor = np.array(surfaces)
+    for nodes in (np.moveaxis(floor, 1, 0), np.moveaxis(floor, 2, 0)):  # along columns, then along rows
+        for there in (nodes, nodes[::-1]):
+            for before, node in zip(there[:-1], there[1:]):
+                np.maximum(node, before - fall[:, None], out=node)
+    return floor
 
 
 @kernel
@@ -32,18 +74,45 @@ def ground_at(mountains, x, y):
     for i in range(mountains.shape[0]):
         mountain = mountains[i]
         u, v = to_grid(mountain, x, y)
-        if not (0.0 <= u <= LAST and 0.0 <= v <= LAST):
-            continue
-        column, row = min(int(u), LAST - 1), min(int(v), LAST - 1)
-        u, v, height = u - column, v - row, mountain.height
-        low, high = height[row, column], height[row + 1, column + 1]
-        if u >= v:
-            right = height[row, column + 1]
-            ground = max(ground, low + u * (right - low) + v * (high - right))
-        else:
-            left = height[row + 1, column]
-            ground = max(ground, low + u * (high - left) + v * (left - low))
+        if 0.0 <= u <= LAST and 0.0 <= v <= LAST:
+            ground = max(ground, on_triangles(mountain.height, u, v))
     return ground
+
+
+@kernel
+def on_triangles(height, u, v):
+    """A surface's height [m] at grid coordinates on its square."""
+    column, row = min(int(u), LAST - 1), min(int(v), LAST - 1)
+    u, v = u - column, v - row
+    low, high = height[row, column], height[row + 1, column + 1]
+    if u >= v:
+        right = height[row, column + 1]
+        return low + u * (right - low) + v * (high - right)
+    left = height[row + 1, column]
+    return low + u * (high - left) + v * (left - low)
+
+
+@kernel
+def floor_at(mountains, x, y):
+    """Height [m] of the floor of flights at a point: `Layout.flight_floor`."""
+    floor = 0.0
+    for i in range(mountains.shape[0]):
+        mountain = mountains[i]
+        u, v = to_grid(mountain, x, y)
+        near_u, near_v = min(max(u, 0.0), float(LAST)), min(max(v, 0.0), float(LAST))
+        fallen = mountain.fall * (abs(u - near_u) + abs(v - near_v))
+        if mountain.top - fallen > floor:
+            floor = max(floor, on_triangles(mountain.floor, near_u, near_v) - fallen)
+    return floor
+
+
+@kernel
+def floors_at(mountains, xy):
+    """`floor_at` at points [n, 2]."""
+    floors = np.empty(xy.shape[0])
+    for i in range(xy.shape[0]):
+        floors[i] = floor_at(mountains, xy[i, 0], xy[i, 1])
+    return floors
 
 
 @kernel

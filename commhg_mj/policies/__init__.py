@@ -14,6 +14,7 @@ from typing import NamedTuple
 from ..base.arguments import said
 from ..base.registries import Registry
 from ..mission.batch import MissionBatch
+from ..radio import DEFAULT_LINKS
 from ..scenarios import Scenario, load_scenario
 from . import warm  # noqa: F401  says what the first start runs
 from .greedy import Greedy
@@ -61,12 +62,12 @@ SOURCES: list[Source] = []  # learning/pretrained.py's
 
 
 def find_policy(name: str) -> PolicyInfo:
-    """The policy of that name: a reference, a trained method such as "commhg", a path to weights, or one that was added.
+    """The policy of that name: a reference, a method whose weights come along, a path to weights, or one that was added.
 
-    A learned one may lack something: "commhg+no-query", "commhg+random-gates".
+    A learned one may lack something: "weights.safetensors+no-query", "weights.safetensors+random-gates".
 
     Raises:
-      ValueError: there is none, or the file of weights is refused; the message names it.
+      ValueError: there is none, or its weights are refused or retired; the message names it.
     """
     if isinstance(name, str) and name in POLICIES:
         return POLICIES[name]
@@ -87,7 +88,7 @@ def label_of(name: str) -> str:
 
 
 def prepare(
-    name: str, scenario, seeds, links="abstract", limitation="nominal", record=False
+    name: str, scenario, seeds, links=DEFAULT_LINKS, limitation="nominal", record=False
 ) -> tuple[MissionBatch, Callable]:
     """(batch, policy) for missions of a scenario; a privileged policy gets its idealised conditions."""
     info = find_policy(name)

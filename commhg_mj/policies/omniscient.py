@@ -13,7 +13,7 @@ from ..base.arguments import instance
 from ..base.elementary_functions import distance
 from ..base.kernels import kernel
 from ..base.terms import IDLE, NOBODY, REST, Activity, Embodiment, Mode
-from ..mission.accessors import operator_of, robot_of, routes_of, scratch_of, task_of
+from ..mission.accessors import routes_of, scratch_of, true_operator, true_robot, true_task
 from ..mission.batch import MissionBatch, stay
 from ..mission.decide import Decisions
 from ..mission.estimate import control_gain
@@ -66,9 +66,11 @@ class Omniscient:
 
 
 def every_second(scenario) -> Scenario:
-    """The same scenario with a decision of everybody every second."""
+    """The same scenario with a decision and a report of everybody every second."""
     return dataclasses.replace(
-        scenario, decisions=dataclasses.replace(scenario.decisions, robot_period=1, operator_period=1)
+        scenario,
+        decisions=dataclasses.replace(scenario.decisions, robot_period=1, operator_period=1),
+        communication=dataclasses.replace(scenario.communication, telemetry_period=1.0),
     )
 
 
@@ -88,7 +90,7 @@ def rate_tasks(missions, worth):
         m = missions[e]
         backlog = expected_wait(m)
         for r in range(m.n_robots):
-            robot = robot_of(m, r)
+            robot = true_robot(m, r)
             worth[e, r, :] = 0.0
             if m.over or robot.activity == FAILED:
                 continue
@@ -103,9 +105,9 @@ def expected_wait(m):
     """Seconds until the team would come round to a task that it leaves now: open mean tasks over robots."""
     robots, tasks = 0, 0
     for r in range(m.n_robots):
-        robots += robot_of(m, r).activity != FAILED
+        robots += true_robot(m, r).activity != FAILED
     for j in range(m.n_tasks):
-        tasks += task_of(m, j).released and task_of(m, j).status != DONE
+        tasks += true_task(m, j).released and true_task(m, j).status != DONE
     return (m.rules.service_base + 0.5 * m.rules.service_per_difficulty) * tasks / max(1, robots)
 
 
@@ -116,7 +118,7 @@ def rate_robot(m, robot, backlog, worth):
     wanted, lengths = scratch.found[m.n_corners :], scratch.distance[m.n_corners :]
     count = 0
     for j in range(m.n_tasks):
-        task = task_of(m, j)
+        task = true_task(m, j)
         if task.released and task.status != DONE and is_compatible(robot.embodiment, task.type):
             wanted[count] = j
             lengths[count] = distance(task.x - robot.x, task.y - robot.y)
@@ -126,7 +128,7 @@ def rate_robot(m, robot, backlog, worth):
     speed = m.rules.speed[1 if robot.mode == CONTROLLED else 0, robot.embodiment]
     for k in range(count):
         j = wanted[k]
-        worth[j] = regret(m, robot, task_of(m, j), lengths[k] / speed, backlog)
+        worth[j] = regret(m, robot, true_task(m, j), lengths[k] / speed, backlog)
         if j == robot.task:
             worth[j] *= LOYALTY
 
@@ -139,7 +141,7 @@ def regret(m, robot, task, travel, backlog):
     """
     rules, now = m.rules, m.now
     if robot.controller != NOBODY:
-        operator = operator_of(m, robot.controller)
+        operator = true_operator(m, robot.controller)
         success = controlled_success(rules, task.difficulty, operator.fatigue)
         service = controlled_seconds(rules, operator, robot.embodiment, task.difficulty)
     else:
@@ -159,13 +161,13 @@ def rate_control(missions, targets, gains):
     for e in range(missions.shape[0]):
         m = missions[e]
         for h in range(m.n_operators):
-            operator = operator_of(m, h)
+            operator = true_operator(m, h)
             for r in range(m.n_robots):
-                robot, j = robot_of(m, r), targets[e, r]
+                robot, j = true_robot(m, r), targets[e, r]
                 gains[e, h, r] = 0.0
                 if m.over or robot.activity == FAILED or j == NOBODY:
                     continue
-                task = task_of(m, j)
+                task = true_task(m, j)
                 gains[e, h, r] = control_gain(
                     m.rules, operator.proficiency[robot.embodiment], operator.fatigue, robot.embodiment,
                     distance(task.x - robot.x, task.y - robot.y), task.progress, task.difficulty, task.value,

@@ -25,6 +25,7 @@ class LinkModel(IntEnum):
 LINK_MODELS = {model.name.lower().replace("_", "-"): model for model in LinkModel if model != LinkModel.CUSTOM}  # built in
 # Addresses of functions in this process (radio/custom.py):
 OWN_MODELS = Registry("link model", "commhg_mj.link_models", beside=LINK_MODELS)
+DEFAULT_LINKS = "raycast"  # of every command, interface and training: geometry first
 RAY_MODELS = (LinkModel.RAYCAST, LinkModel.RAYCAST_SHUFFLED)
 
 RADIO = record(
@@ -43,7 +44,7 @@ RADIO = record(
     is_bullington="i8",
     shadowing="f8",  # dB
     shadowing_length="f8",  # m
-    antenna=("f8", (2,)),  # m above the ground below a (UAV, UGV)
+    antenna=("f8", (2,)),  # m: a UAV's above the floor of flights, a UGV's above the ground (models/terrain.py)
     mast="f8",  # m above the ground
     share_at="i8",  # address of a user's own function, of use in its process alone; 0: a built-in model
 )

@@ -6,33 +6,30 @@ level and are the same for every model, so that models differ by obstacles alone
 
 from ..base.elementary_functions import distance
 from ..base.kernels import kernel
-from ..models.terrain import ground_at
+from ..base.terms import Embodiment
+from ..models.terrain import floor_at, ground_at
 from .abstract import measure_planar
 from .custom import ask
 from .link_models import LinkModel
 from .raycast import measure_rays
 
+UAV = int(Embodiment.UAV)
 PERFECT, RAYCAST, RAYCAST_SHUFFLED, CUSTOM = (
     int(LinkModel.PERFECT), int(LinkModel.RAYCAST), int(LinkModel.RAYCAST_SHUFFLED), int(LinkModel.CUSTOM),
 )  # fmt: skip
 
 
 @kernel
-def is_raycast(radio):
-    """Whether the 3D world decides."""
-    return radio.link_model == RAYCAST or radio.link_model == RAYCAST_SHUFFLED
-
-
-@kernel
 def is_spatial(radio):
     """Whether rays are cast through the 3D world, for links to the station, too."""
-    return is_raycast(radio) or radio.link_model == CUSTOM
+    return radio.link_model == RAYCAST or radio.link_model == RAYCAST_SHUFFLED or radio.link_model == CUSTOM
 
 
 @kernel
 def robot_antenna(radio, obstacles, embodiment, x, y):
     """(x, y, z) [m] of the antenna of a robot at a place on the map."""
-    return x, y, ground_at(obstacles.mountains, x, y) + radio.antenna[embodiment]
+    base = floor_at(obstacles.mountains, x, y) if embodiment == UAV else ground_at(obstacles.mountains, x, y)
+    return x, y, base + radio.antenna[embodiment]
 
 
 @kernel
@@ -78,10 +75,6 @@ def passing_share(radio, obstacles, a, b, size):
 def fates(radio, passing):
     """(share in time, share late) of messages on a link that lets `passing` of the packets pass.
 
-    Over clear ground a share `on_time` arrives in time, and half of the rest late. A planar model or
-    a user's own scales both; a ray-cast link tries once more, and that attempt too has to pass.
+    Over clear ground a share `on_time` arrives in time, and half of the rest late; terrain scales both, under every model.
     """
-    if is_raycast(radio):
-        on_time = radio.on_time * passing
-        return on_time, 0.5 * (1.0 - on_time) * passing
     return radio.on_time * passing, 0.5 * (1.0 - radio.on_time) * passing

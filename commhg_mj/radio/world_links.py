@@ -47,14 +47,15 @@ class WorldLinks:
         heights = numbers("height", height, *(() if np.isscalar(height) else (len(xy),)))
         if (heights < 0).any():
             raise ValueError(f"height must not lie below the ground, is {said(height)}")
-        return np.concatenate([xy, (self.world.layout.ground_height(xy) + heights)[:, None]], axis=1)
+        return np.c_[xy, self.world.layout.ground_height(xy) + heights]
 
     def robot_antennas(self, xy, embodiment) -> np.ndarray:
         """[n, 3] antennas of robots at xy [n, 2], of one embodiment or of [n] ones."""
-        kinds = np.asarray(embodiment)
+        xy, kinds, layout = numbers("xy", xy, None, 2), np.asarray(embodiment), self.world.layout
         if kinds.dtype.kind not in "iu" or not np.isin(kinds, list(Embodiment)).all():
             raise ValueError(f"embodiment must be 0 (UAV) or 1 (UGV), or one a robot, is {said(embodiment)}")
-        return self.antennas(xy, self.rules["antenna"][kinds])
+        base = np.where(kinds == Embodiment.UAV, layout.flight_floor(xy), layout.ground_height(xy))
+        return np.c_[xy, base + self.rules["antenna"][kinds]]
 
     @property
     def mast(self) -> np.ndarray:

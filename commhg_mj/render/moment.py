@@ -11,7 +11,7 @@ MAX_BANK = 0.45  # rad
 COURSE_WINDOW = 25  # s before and after
 MINUTE = 60.0  # s: messages are counted over the last one
 ROUTES = ("robots", "uplink", "downlink")
-ROUTE_OF_KIND = np.array([0, 1, 1, 1, 2, 2, 2])  # index into ROUTES, by terms.Kind
+ROUTE_OF_KIND = np.array([0, 1, 1, 1, 2, 2, 2, 2])  # index into ROUTES, by terms.Kind
 
 
 @dataclass(frozen=True)

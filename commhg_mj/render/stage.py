@@ -83,6 +83,7 @@ class Stage:
             data.qpos[body.joints] = 0.0 if failed else SPIN * moment.time * body.spins
         self._pose_pois(moment)
         mujoco.mj_kinematics(model, data)
+        mujoco.mj_camlight(model, data)  # without it the sun has no direction
 
     def _pose_pois(self, moment):
         """A beam stands while its task is open."""

@@ -9,6 +9,7 @@ from ..flights.fly import chunks_of, spread
 from ..flights.statistics import mean_interval
 from ..mission.observe import UNKNOWN
 from ..policies import prepare
+from ..radio import DEFAULT_LINKS
 
 FIGURES = {  # of one mission, nan where it has none: what the table calls it
     "queries": "queries a mission",
@@ -86,7 +87,7 @@ class Listener:
         return [{name: float(column[e]) for name, column in columns.items()} for e in range(len(scores))]
 
 
-def fly_and_listen(scenario, policy, seeds, links="abstract", limitation="nominal", workers=1, advance=lambda n: None) -> list:
+def fly_and_listen(scenario, policy, seeds, links=DEFAULT_LINKS, limitation="nominal", workers=1, advance=lambda n: None) -> list:
     """(`Score`, FIGURES) of one mission a seed; otherwise as `fly`."""
     jobs = [(scenario, policy, chunk, links, limitation) for chunk in chunks_of(seeds)]
     results = spread(_listen_chunk, jobs, workers, lambda flights: advance(len(flights)))

@@ -32,7 +32,10 @@ class WorldRules:
     mountain_height: tuple = _field((60.0, 150.0), "m", "D", "lowest and highest summit; a heightmap's white", 5, 1000)
     heightmap: str = _field("", "", "D", "the mountains' picture: a TOML file names a PNG (docs/worlds.md); empty: drawn ones")
     poi_spacing: float = _field(0.02, "of the side", "D", "no two POIs closer", 0, 0.1)
-    uav_height: float = _field(60.0, "m", "D", "flight height above the ground below", 1, 500)
+    uav_height: float = _field(60.0, "m", "D", "flight height above the floor of flights, over plains above the ground", 1, 500)
+    uav_slope: float = _field(
+        0.4, "rise over run", "D", "of the floor of flights, at most: climbs of 7 m/s autonomously, 10 m/s controlled", 0.01, 1e6
+    )
     ugv_radius: float = _field(2.0, "m", "D", "footprints are inflated by it for routes", 0.1, 20)
     mast_height: float = _field(15.0, "m", "D", "station antenna above the ground", 1, 200)
 
@@ -63,7 +66,7 @@ class TaskRules:
     change_within: float = _field(0.30, "of the limit", "D", "the change comes this soon after the release, uniform", 0, 1)
     service_base: float = _field(20.0, "s", "D", "autonomous service time at D = 0", 1, 1e5)
     service_per_difficulty: float = _field(80.0, "s", "D", "added at D = 1", 0, 1e5)
-    success_autonomous: tuple = _field((0.95, 0.95), "", "D", "P(success) = a - b D", 0, 1)
+    success_autonomous: tuple = _field((0.75, 0.55), "", "D", "P(success) = a - b D", 0, 1)
     success_controlled: tuple = _field(
         (0.97, 0.15, 0.20), "", "D", "P(success) = a - b D - c fatigue", 0, 1
     )
@@ -85,9 +88,9 @@ class OperatorRules:
     service_workload: tuple = _field((0.4, 0.6), "", "D", "w = a + b D while it services", 0, 1)
     fatigue_slowdown: float = _field(0.5, "", "D", "controlled service time x (1 + this x fatigue)", 0, 10)
     handover: float = _field(6.0, "s", "D", "after acceptance, without progress", 0, 600)
-    lease: float = _field(15.0, "s", "D", "control holds this long after the last delivered command", 1, 3600)
+    lease: float = _field(15.0, "s", "D", "control holds this long after the last command that arrived was sent", 1, 3600)
     renewal_period: float = _field(10.0, "s", "D", "KEEP renews at most this often", 1, 3600)
-    bid_timeout: float = _field(20.0, "s", "D", "a command not accepted by then is given up", 1, 3600)
+    bid_timeout: float = _field(20.0, "s", "D", "a command whose acceptance is not reported by then is given up", 1, 3600)
 
 
 @dataclass(frozen=True)
@@ -112,6 +115,7 @@ class CommunicationRules:
     request_bytes: int = _field(24, "B", "D", "assistance request", 1, 65535)
     control_bytes: int = _field(48, "B", "D", "control command", 1, 65535)
     renewal_bytes: int = _field(24, "B", "D", "lease renewal", 1, 65535)
+    release_bytes: int = _field(24, "B", "D", "end of a lease before its time", 1, 65535)
     reply_bytes: int = _field(64, "B", "D", "resource report and task tip", 1, 65535)
     telemetry_period: float = _field(5.0, "s", "D", "telemetry falls due this often", 1, 3600)
     forest_decay: float = _field(73.0, "m", "D", "l_f: abstract links lose exp(-metres/l_f) in forest", 0.01, 1e9)
@@ -140,7 +144,7 @@ class RadioRules:
     )  # fmt: skip
     shadowing: float = _field(0.0, "dB", "D", "sigma of log-normal shadowing; 0: none, 4 is usual", 0, 20)
     shadowing_length: float = _field(25.0, "m", "D", "along this way shadowing decorrelates to 1/e", 0.1, 1e4)
-    uav_antenna: float = _field(0.0, "m", "D", "above the UAV's flight height", 0, 50)
+    uav_antenna: float = _field(0.0, "m", "D", "above the UAV", 0, 50)
     ugv_antenna: float = _field(1.0, "m", "D", "above the ground; the station's is world.mast_height", 0.1, 50)
     fitted_forest_decay: float = _field(475.2, "m", "D", "abstract-fit: l_f by maximum likelihood", 0.01, 1e9)
     fitted_mountain_decay: float = _field(204.0, "m", "D", "abstract-fit: l_m, likewise", 0.01, 1e9)
@@ -158,12 +162,13 @@ class DecisionRules:
 
 @dataclass(frozen=True)
 class RewardRules:
-    """Costs of the team reward (paper, eq. 4)."""
+    """Costs of the team reward (paper, eq. 4), in mean task values: the same on every scale."""
 
     pending: float = _field(0.01, "1/s", "P", "times the pending share of V0", 0, 1)
-    switch_cost: float = _field(0.02, "", "D", "a non-exempt change of the controlled robot", 0, 10)
-    incompatible_cost: float = _field(0.02, "", "D", "arriving at an incompatible task", 0, 10)
-    conflict_cost: float = _field(0.01, "", "D", "commanding a robot that another operator holds", 0, 10)
+    switch_cost: float = _field(0.2, "mean task value", "D", "a non-exempt change of the controlled robot", 0, 100)
+    switch_window: float = _field(60.0, "s", "D", "another robot within it of a non-exempt end is a change", 0, 86400)
+    incompatible_cost: float = _field(0.2, "mean task value", "D", "choosing an incompatible task", 0, 100)
+    conflict_cost: float = _field(0.1, "mean task value", "D", "commanding a robot that another operator holds", 0, 100)
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ PRESETS = {  # deadlines grow with the way to go; fitted decays as `commhg-mj fi
     ),
     "medium": Scenario("medium", 1000.0, 56, 1200, 4, 4, 3),
     "large": Scenario(
-        "large", 2000.0, 112, 2400, 8, 8, 6, WorldRules(n_forests=10, n_mountains=5), tasks=TaskRules(deadline=(150.0, 800.0)),
+        "large", 2000.0, 112, 2400, 8, 8, 6, WorldRules(n_forests=10, n_mountains=5), tasks=TaskRules(deadline=(140.0, 740.0)),
         radio=RadioRules(fitted_forest_decay=496.7, fitted_mountain_decay=202.5),
     ),
 }  # fmt: skip

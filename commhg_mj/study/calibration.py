@@ -10,6 +10,7 @@ from ..base.arguments import missions_of
 from ..flights.fly import fly
 from ..flights.held_out import CALIBRATION
 from ..flights.statistics import Interval, mean_interval
+from ..radio import DEFAULT_LINKS
 from ..scenarios import SCENARIOS
 
 FLIGHTS = {  # label: policy, limitation, with operators
@@ -23,6 +24,9 @@ FLIGHTS = {  # label: policy, limitation, with operators
 }
 
 
+LINKS = (DEFAULT_LINKS, "abstract")  # the rules hold under the first; what changes without geometry is printed beside it
+
+
 class Rule(NamedTuple):
     text: str
     measured: Interval
@@ -30,21 +34,24 @@ class Rule(NamedTuple):
 
 
 class Calibration(NamedTuple):
-    """One scenario's figures and what they say."""
+    """One scenario's figures under one link model, and what they say."""
 
     scenario: str
+    links: str
     twcr: dict[str, Interval]
     rules: list[Rule]
 
 
-def calibrate(name: str, n_missions=200, workers=1, advance: Callable[[float], None] = lambda missions: None) -> Calibration:
+def calibrate(
+    name: str, n_missions=200, workers=1, links=DEFAULT_LINKS, advance: Callable[[float], None] = lambda missions: None
+) -> Calibration:
     """Fly the references of one scenario and hold its defaults against the rules; differences are paired."""
     scenario, seeds = SCENARIOS.find(name), range(CALIBRATION, CALIBRATION + missions_of("n_missions", n_missions))
     alone = dataclasses.replace(scenario, n_operators=0)
     twcr = {}
     for label, (policy, limitation, has_operators) in FLIGHTS.items():
         variant = scenario if has_operators else alone
-        scores = fly(variant, policy, seeds, limitation=limitation, workers=workers, advance=advance)
+        scores = fly(variant, policy, seeds, links, limitation, workers=workers, advance=advance)
         twcr[label] = np.array([score.twcr for score in scores])
     greedy, reference = twcr["greedy"], twcr["omniscient"]
     gap = mean_interval(reference - greedy)
@@ -57,4 +64,4 @@ def calibrate(name: str, n_missions=200, workers=1, advance: Callable[[float], N
         Rule("without operators the reference loses at least 0.05", supervision, supervision.mean >= 0.05),
         Rule("from nominal to high limitation Greedy loses at least 0.03", limitation, limitation.mean >= 0.03),
     ]
-    return Calibration(name, {label: mean_interval(values) for label, values in twcr.items()}, rules)
+    return Calibration(name, links, {label: mean_interval(values) for label, values in twcr.items()}, rules)

@@ -63,12 +63,13 @@ def _limits(scenario) -> dict:
     factors = np.array([operators.generalist, operators.uav_specialist, operators.ugv_specialist])
     flags = (
         "legal", "released", "refused", "query_waits", "request_waits", "prescribed", "exempt",
-        "can_keep", "can_idle", "can_broadcast", "can_assist",
+        "can_keep", "can_idle", "can_broadcast", "can_assist", "compatible",
     )  # fmt: skip
     kinds = {
         "embodiment": Embodiment, "activity": Activity, "mode": Mode, "session": Session, "type": TaskType, "status": Status,
+        "task_type": TaskType, "task_status": Status,
     }  # fmt: skip
-    ages = ("age", "claim_age", "request_age", "since_request", "since_bid")
+    ages = ("age", "claim_age", "request_age", "since_request", "since_bid", "task_age")
     return (
         {name: FLAG for name in flags}
         | {name: (0.0, float(max(kind))) for name, kind in kinds.items()}
@@ -80,6 +81,7 @@ def _limits(scenario) -> dict:
             "speed": (0.0, max(*scenario.robots.autonomous_speed, *scenario.robots.controlled_speed)),
             "task": (NOBODY, scenario.n_tasks - 1),
             "progress": FLAG,
+            "task_progress": FLAG,
             "controller": operator,
             "robot": robot,
             "claimed_by": robot,

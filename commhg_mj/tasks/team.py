@@ -12,7 +12,7 @@ from ..base.kernels import kernel
 from ..mission.batch import LONGEST_STEP, MissionBatch
 from ..mission.decide import Decisions
 from ..mission.score import score_mission
-from ..radio.link_models import radio_rules
+from ..radio.link_models import DEFAULT_LINKS, radio_rules
 from ..scenarios import Scenario, load_scenario
 from .choices import Choices, close_choices, open_choices, read_actions
 from .tables import fill_tables, new_tables
@@ -45,7 +45,7 @@ class Team:
       ValueError: an argument is impossible; the message names it.
     """
 
-    def __init__(self, scenario, links="abstract", limitation="nominal", period=0, seeds=None, record=False):
+    def __init__(self, scenario, links=DEFAULT_LINKS, limitation="nominal", period=0, seeds=None, record=False):
         self.scenario: Scenario = load_scenario(scenario)
         radio_rules(self.scenario, links, limitation)
         self.period, self.record = whole("period", period, 0, LONGEST_STEP), flag("record", record)

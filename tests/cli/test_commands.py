@@ -84,7 +84,7 @@ def test_run_prints_one_json_object_and_nothing_else(run, tiny):
     found = json.loads(out, parse_constant=lambda constant: pytest.fail(f"{constant} is no JSON"))
     assert out.count("\n") == 1
     assert {name: found[name] for name in ("scenario", "policy", "links", "limitation", "privileged")} == {
-        "scenario": "tiny", "policy": "random", "links": "abstract", "limitation": "nominal", "privileged": False,
+        "scenario": "tiny", "policy": "random", "links": "raycast", "limitation": "nominal", "privileged": False,
     }  # fmt: skip
     assert [mission["seed"] for mission in found["missions"]] == [5, 6, 7]
     for name, interval in found["means"].items():
@@ -138,7 +138,7 @@ def test_conditions_have_files_of_their_own(run, tiny, tmp_path):
         assert run("run", "--scenario", tiny, "--out", "runs", "--json", *arguments)[0] == 0
     traces = [load_trace(path) for path in (tmp_path / "runs").iterdir()]
     found = {(trace.links, trace.limitation) for trace in traces}
-    assert found == {("abstract", "nominal"), ("abstract", "low"), ("abstract", "high"), ("perfect", "nominal")}
+    assert found == {("raycast", "nominal"), ("raycast", "low"), ("raycast", "high"), ("perfect", "nominal")}
 
 
 def test_video_of_a_run(run, tiny, tmp_path, monkeypatch):
@@ -551,7 +551,7 @@ def cells(out):
     return {name: others for name, *others in rows}
 
 
-@pytest.mark.parametrize("links", ["raycast", "abstract-fit", "raycast-shuffled"])
+@pytest.mark.parametrize("links", ["abstract", "abstract-fit", "raycast-shuffled"])
 def test_run_under_other_links(run, tiny, tmp_path, links):
     arguments = ["run", "--scenario", tiny, "--missions", 2, "--json", "--out", "runs"]
     found = json.loads(run(*arguments, "--links", links)[1])
@@ -565,15 +565,15 @@ def test_traces_are_named_after_their_conditions(run, tiny, tmp_path):
     for arguments in (
         ["--radio-profile", "matched"],
         ["--radio-profile", "edge"],
-        ["--links", "raycast", "--radio-profile", "radio", "--limitation", "high"],
-        ["--links", "raycast", "--limitation", "low", "--policy", "random", "--seed", 7],
+        ["--links", "abstract", "--radio-profile", "radio", "--limitation", "high"],
+        ["--links", "abstract", "--limitation", "low", "--policy", "random", "--seed", 7],
     ):
         assert run("run", "--scenario", tiny, "--out", "runs", "--json", *arguments)[0] == 0
     assert {path.name for path in (tmp_path / "runs").iterdir()} == {
-        "tiny-greedy-0.npz", "tiny-greedy-edge-0.npz", "tiny-greedy-raycast-radio-high-0.npz", "tiny-random-raycast-low-7.npz",
+        "tiny-greedy-0.npz", "tiny-greedy-edge-0.npz", "tiny-greedy-abstract-radio-high-0.npz", "tiny-random-abstract-low-7.npz",
     }  # fmt: skip
-    trace = load_trace(tmp_path / "runs/tiny-greedy-raycast-radio-high-0.npz")
-    assert (trace.links, trace.limitation, trace.scenario.radio.profile) == ("raycast", "high", "radio")
+    trace = load_trace(tmp_path / "runs/tiny-greedy-abstract-radio-high-0.npz")
+    assert (trace.links, trace.limitation, trace.scenario.radio.profile) == ("abstract", "high", "radio")
 
 
 def test_profiles_matter_to_ray_casts_alone(run, tiny):
@@ -605,9 +605,9 @@ def test_a_trace_and_a_flight_say_the_same(run, tiny, trace, ends):
 
 
 def test_links_takes_its_conditions_from_the_trace(run, tiny, tmp_path):
-    run("run", "--scenario", tiny, "--out", "runs", "--seed", 3, "--limitation", "high", "--links", "raycast", "--json")
+    run("run", "--scenario", tiny, "--out", "runs", "--seed", 3, "--limitation", "high", "--links", "abstract", "--json")
     ends = ["--from", "60,20", "--to", "100,20"]
-    code, out, _ = run("links", *ends, "--trace", "runs/tiny-greedy-raycast-high-3.npz")
+    code, out, _ = run("links", *ends, "--trace", "runs/tiny-greedy-abstract-high-3.npz")
     assert code == 0 and cells(out)["range (m)"] == ["70", "70"], "0.14 of 500 m"
     assert out == run("links", *ends, "--scenario", tiny, "--seed", 3, "--limitation", "high")[1]
 

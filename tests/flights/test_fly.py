@@ -21,7 +21,7 @@ SHORT = change(SCENARIOS["small"], time_limit=60)
 def test_processes_and_chunks_change_no_score(monkeypatch):
     seeds, ended = range(2 * study.CHUNK + 3), []
     alone = study.fly(SHORT, "greedy", seeds, advance=ended.append)
-    assert sum(ended) == len(seeds) == len(alone)
+    assert sum(ended) == pytest.approx(len(seeds)) and len(seeds) == len(alone)
     assert study.fly(SHORT, "greedy", seeds, workers=2) == alone
     monkeypatch.setattr(study, "CHUNK", 5)
     assert study.fly(SHORT, "greedy", seeds) == alone
@@ -40,9 +40,9 @@ def test_one_long_mission_says_how_far_it_is():
 def test_every_mission_leaves_its_trace(tmp_path):
     scores = study.fly(SHORT, "random", [4, 9], limitation="high", out=tmp_path)
     for seed, score in zip([4, 9], scores):
-        trace = load_trace(study.trace_path(tmp_path, SHORT, "random", "abstract", "high", seed))
+        trace = load_trace(study.trace_path(tmp_path, SHORT, "random", "raycast", "high", seed))
         assert trace.twcr() == pytest.approx(score.twcr)
-        assert (trace.seed, trace.policy, trace.limitation, trace.links) == (seed, "random", "high", "abstract")
+        assert (trace.seed, trace.policy, trace.limitation, trace.links) == (seed, "random", "high", "raycast")
     assert len(list(tmp_path.iterdir())) == 2
     study.fly(SHORT, "random", [4, 9], out=tmp_path)
     assert len(list(tmp_path.iterdir())) == 4, "other conditions, other files"
@@ -52,7 +52,7 @@ def test_a_trace_replaces_none_of_another_mission(tmp_path, monkeypatch):
     other = change(SHORT, n_tasks=SHORT.n_tasks - 1)
     study.fly(SHORT, "random", [4], out=tmp_path)
     study.fly(SHORT, "random", [4, 5], out=tmp_path)  # the same mission
-    path = study.trace_path(tmp_path, SHORT, "random", "abstract", "nominal", 5)
+    path = study.trace_path(tmp_path, SHORT, "random", "raycast", "nominal", 5)
     study.fly(SHORT, "omniscient", [5], out=tmp_path)
     study.fly(SHORT, "omniscient", [5], links="abstract", out=tmp_path)  # flies under other conditions than are asked for
     before, kept = {each.name: each.read_bytes() for each in tmp_path.iterdir()}, load_trace(path)

@@ -7,21 +7,24 @@ import torch
 from strategies import change
 
 from commhg_mj.learning.distributed import ALONE
-from commhg_mj.learning.graphs import (
-    N_OPERATOR,
-    N_PEER,
-    N_PUBLIC,
-    N_REPORT,
-    N_RESOURCE,
-    N_ROBOT,
-    N_TASK_EDGE,
-    OperatorGraphs,
-    RobotGraphs,
+from commhg_mj.learning.features import (
+    OPERATOR,
+    PEER,
+    PUBLIC,
+    REPORT,
+    RESOURCE,
+    ROBOT,
+    STATE_MISSION,
+    STATE_OPERATOR,
+    STATE_ROBOT,
+    STATE_TASK,
+    TASK_EDGE,
 )
+from commhg_mj.learning.graphs import OperatorGraphs, RobotGraphs
 from commhg_mj.learning.ppo import Hyper
 from commhg_mj.learning.registry import METHODS, find_method
 from commhg_mj.learning.rollout import Experience
-from commhg_mj.learning.states import N_GLOBAL, N_STATE_OPERATOR, N_STATE_ROBOT, N_STATE_TASK, States
+from commhg_mj.learning.states import States
 from commhg_mj.learning.train import Plan, Training
 from commhg_mj.scenarios import SCENARIOS
 
@@ -83,9 +86,9 @@ def robot_graphs(rows, n_tasks=5, seed=0) -> RobotGraphs:
     task = np.concatenate([rng.permutation(n_tasks)[:count] for count in counts]).astype(np.int64)
     own = np.array([start + row.own if row.own >= 0 else -1 for start, row in zip(task_ptr, rows)], np.int64)
     return RobotGraphs(
-        noise(n, N_ROBOT), task_ptr, task, noise(n_edges, N_TASK_EDGE),
-        np.concatenate([np.array(row.tasks, bool) for row in rows]), own, peer_ptr, noise(peer_ptr[-1], N_PEER),
-        noise(n, n_operators, N_RESOURCE), np.array([[row.keep, row.idle] for row in rows]),
+        noise(n, ROBOT.width), task_ptr, task, noise(n_edges, TASK_EDGE.width),
+        np.concatenate([np.array(row.tasks, bool) for row in rows]), own, peer_ptr, noise(peer_ptr[-1], PEER.width),
+        noise(n, n_operators, RESOURCE.width), np.array([[row.keep, row.idle] for row in rows]),
         np.array([row.gate for row in rows]), np.array([row.query for row in rows], bool).reshape(n, n_operators),
         np.array([row.assist for row in rows]), np.zeros(n, np.int64), np.arange(n),
     )  # fmt: skip
@@ -96,23 +99,23 @@ def operator_graphs(k, n_robots, seed=0, known=0.6) -> OperatorGraphs:
     rng = np.random.default_rng(seed)
     noise = lambda *shape: rng.normal(size=shape).astype(np.float32)
     known = rng.random((k, n_robots)) < known
-    report = noise(k, n_robots, N_REPORT) * known[..., None]
+    report = noise(k, n_robots, REPORT.width) * known[..., None]
     return OperatorGraphs(
-        noise(k, N_OPERATOR), report, known, np.ones((k, n_robots), bool), np.ones((k, 2), bool), np.zeros(k, np.int64),
+        noise(k, OPERATOR.width), report, known, np.ones((k, n_robots), bool), np.ones((k, 2), bool), np.zeros(k, np.int64),
         np.zeros(k, np.int64), np.arange(k),
     )  # fmt: skip
 
 
 def random_public(n_tasks=5, seed=0):
-    return torch.from_numpy(np.random.default_rng(seed).normal(size=(n_tasks, N_PUBLIC)).astype(np.float32))
+    return torch.from_numpy(np.random.default_rng(seed).normal(size=(n_tasks, PUBLIC.width)).astype(np.float32))
 
 
 def random_states(s, n_robots=3, n_operators=2, n_tasks=4, seed=0) -> States:
     rng = np.random.default_rng(seed)
-    shapes = (s, n_robots, N_STATE_ROBOT), (s, n_operators, N_STATE_OPERATOR), (s, n_tasks, N_STATE_TASK)
+    shapes = (s, n_robots, STATE_ROBOT.width), (s, n_operators, STATE_OPERATOR.width), (s, n_tasks, STATE_TASK.width)
     robot, operator, task = (rng.normal(size=shape).astype(np.float32) for shape in shapes)
     is_open = rng.random((s, n_tasks)) < 0.6
-    return States(robot, operator, task, is_open, rng.normal(size=(s, N_GLOBAL)).astype(np.float32))
+    return States(robot, operator, task, is_open, rng.normal(size=(s, STATE_MISSION.width)).astype(np.float32))
 
 
 def experience(rows, robot_choices, robot_advantage, operator_choices=(), operator_advantage=()) -> Experience:

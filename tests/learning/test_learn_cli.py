@@ -384,6 +384,12 @@ def test_evaluate_refuses_bad_options(refused, tmp_path):
     assert "nowhere" in refused("evaluate", "--scenario", "nowhere")
 
 
+def test_retired_weights_are_refused_by_name(refused, tmp_path):
+    for words in (("evaluate", "--policy", "greedy", "commhg"), ("run", "--policy", "commhg", "--out", "r")):
+        assert "commhg: its weights were trained under older rules and are retired" in refused(*words)
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_seed_whose_missions_have_none_is_refused_before_anything_is_written(tiny, tmp_path, refused):
     for seed in (1796000000123456789, -1):
         for workers in (1, 2):

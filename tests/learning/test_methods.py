@@ -150,7 +150,7 @@ def test_who_follows_the_schedule_follows_it_exactly(name):
 
 @every_method
 def test_greedy_play_takes_the_best_and_draws_are_the_missions_own(name):
-    batch = MissionBatch(LONG, range(6))
+    batch = fly(MissionBatch(LONG, range(6)), Wanderer(), 40)  # at first nearly everything is prescribed
     method = untrained(name)
     best = [arrays_of(LearnedPolicy(method, batch, is_greedy=True)(batch.observations)) for _ in range(2)]
     policy, again = LearnedPolicy(method, batch), LearnedPolicy(method, batch)
@@ -191,6 +191,17 @@ def test_a_trained_method_may_lack_something(tmp_path):
         fly_missions(LONG, f"{path}+no-query", range(1))
     with pytest.raises(ValueError, match="unknown policy 'commhg.nothing'"):
         policies.find_policy("commhg+nothing")
+
+
+def test_weights_that_come_along_fly_by_their_methods_name_and_are_retired_without_them(tmp_path, monkeypatch):
+    for name in ("commhg", "commhg+no-query"):
+        with pytest.raises(ValueError, match=r"^commhg: its weights were trained under older rules .* by their path$"):
+            policies.find_policy(name)
+    monkeypatch.setattr(pretrained, "WEIGHTS", tmp_path)
+    save_weights(untrained("commhg"), tmp_path / "commhg-medium.safetensors", {})
+    assert fly_missions(SHORT, "commhg", [1]) == fly_missions(SHORT, str(tmp_path / "commhg-medium.safetensors"), [1])
+    with pytest.raises(ValueError, match="unknown policy 'mappo'"):
+        policies.find_policy("mappo")
 
 
 def test_labels_differ_when_weights_do(tmp_path):

@@ -16,8 +16,8 @@ from torch import nn
 
 from commhg_mj.learning.batches import operator_batch, pick_robots, robot_batch
 from commhg_mj.learning.critic import Agents, Critic
-from commhg_mj.learning.graphs import IS_KNOWN, N_TASK_EDGE
-from commhg_mj.learning.methods.commhg import ROUNDS, CommHG, OperatorActor, RobotActor
+from commhg_mj.learning.features import TASK_EDGE
+from commhg_mj.learning.methods.commhg import IS_KNOWN, ROUNDS, CommHG, OperatorActor, RobotActor
 from commhg_mj.learning.networks import LARGEST_LOGIT, MESSAGE, NODE, Relation, Update
 from commhg_mj.learning.ragged import Edges
 from commhg_mj.learning.states import States
@@ -95,9 +95,9 @@ def naive_mean(relation, sources, edges, receiver):
 
 def test_a_relation_is_the_mean_of_a_plain_network():
     torch.manual_seed(0)
-    relation = shaken(Relation(N_TASK_EDGE))
+    relation = shaken(Relation(TASK_EDGE.width))
     ptr = torch.tensor([0, 3, 3, 4, 9])
-    source, edge, receiver = torch.randn(6, NODE), torch.randn(9, N_TASK_EDGE), torch.randn(4, NODE)
+    source, edge, receiver = torch.randn(6, NODE), torch.randn(9, TASK_EDGE.width), torch.randn(4, NODE)
     index = torch.tensor([0, 5, 2, 2, 1, 0, 3, 4, 5])
     mean = relation(Edges(ptr, index), relation.edge(edge), relation.source(source), receiver)
     for i in range(4):

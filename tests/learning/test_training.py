@@ -19,15 +19,15 @@ from safetensors import safe_open
 from safetensors.torch import load_file, save_file
 from strategies import change
 
-from commhg_mj.learning import train
+from commhg_mj.learning import rollout, train
+from commhg_mj.learning.features import OPERATOR, ROBOT, STATE_MISSION, STATE_OPERATOR, STATE_ROBOT
 from commhg_mj.learning.graphs import GraphBuilder
 from commhg_mj.learning.rollout import from_decisions, to_decisions
 from commhg_mj.learning.run_log import LOG, Log
-from commhg_mj.learning.states import N_GLOBAL
 from commhg_mj.learning.train import STATE, WEIGHTS, Plan, Training, plan_from_json, plan_to_json
 from commhg_mj.learning.weights import SCHEMA, load_weights, save_weights
 from commhg_mj.mission.batch import MissionBatch
-from commhg_mj.policies import prepare
+from commhg_mj.policies import POLICIES, prepare
 
 
 def collect(training, decisions, teacher=None, gamma=QUICK.gamma, lam=QUICK.lam):
@@ -85,13 +85,15 @@ def test_every_decision_lies_in_the_state_that_it_was_made_in(tmp_path):
     """Across the ends of missions: a robot's own features are those of the critic's state."""
     data = collect(run(tmp_path), 300)
     assert np.all(np.diff(data.robot_state) >= 0) and np.all(np.diff(data.operator_state) >= 0)
-    place = data.states.robot[data.robot_state, data.robots.robot][:, 2:4]
-    np.testing.assert_allclose(place, data.robots.itself[:, 2:4], atol=1e-6)
-    clock = data.states.mission[data.robot_state, 0]
-    np.testing.assert_allclose(clock, data.robots.itself[:, 24], rtol=1e-6)
-    np.testing.assert_allclose(data.states.mission[data.operator_state, 0], data.operators.itself[:, 12], rtol=1e-6)
-    fatigue = data.states.operator[data.operator_state, data.operators.operator][:, 3]
-    np.testing.assert_allclose(fatigue, data.operators.itself[:, 3], rtol=1e-6)
+    pairs = (
+        (data.states.robot[data.robot_state, data.robots.robot], STATE_ROBOT, data.robots, ROBOT, ("x", "y")),
+        (data.states.mission[data.robot_state], STATE_MISSION, data.robots, ROBOT, ("time",)),
+        (data.states.mission[data.operator_state], STATE_MISSION, data.operators, OPERATOR, ("time",)),
+        (data.states.operator[data.operator_state, data.operators.operator], STATE_OPERATOR, data.operators, OPERATOR,
+         ("fatigue",)),
+    )  # fmt: skip
+    for state, truth, actors, known, names in pairs:
+        np.testing.assert_allclose(state[:, truth.columns(*names)], actors.itself[:, known.columns(*names)], atol=1e-6)
 
 
 def test_missions_follow_one_another_by_their_seeds_and_pay_their_own_rewards(tmp_path):
@@ -119,11 +121,31 @@ def test_missions_follow_one_another_by_their_seeds_and_pay_their_own_rewards(tm
     counted = [twcr for seed, (_, twcr) in ends.items() if seed in flown]
     assert sorted(collector.scores) == sorted(counted[: len(collector.scores)]) and collector.next_seed == max(flown) + 1
     # Without discount, what follows a mission's first decision is all that it pays.
-    begins = (data.robots.itself[:, 24] == 0) & (data.robots.robot == 0)
+    begins = (data.robots.itself[:, ROBOT.index("time")] == 0) & (data.robots.robot == 0)
     totals = [reward for seed, (reward, _) in sorted(ends.items()) if seed in flown]
     assert len(totals) > 4 and any(reward[1] != 0 for reward in totals)
     for reward in totals:
         assert np.isclose(data.robot_return[begins], reward, atol=1e-6).all(axis=1).any()
+
+
+def test_rewards_within_a_step_are_discounted_by_the_second(tmp_path, monkeypatch):
+    """The k-th second's counts gamma ** k, by the same mission flown second by second."""
+    training, gamma, told = run(tmp_path, side_by_side=1), 0.9, []
+    estimate = rollout.estimate_advantages
+    monkeypatch.setattr(rollout, "estimate_advantages", lambda *a: (told.append(a), estimate(*a))[1])
+    batch = training.collector.batch
+    collect(training, 60, teacher=POLICIES["greedy"].make(batch), gamma=gamma)
+    rewards, elapsed, over = (column[:, 0] for column in told[0][2:5])
+    until = int(np.flatnonzero(over)[0]) + 1  # the first mission's steps
+    alone = MissionBatch(SHORT, [10**6])
+    policy, seconds = POLICIES["greedy"].make(alone), []
+    while not alone.over[0]:
+        alone.step(policy(alone.observations), 1)
+        seconds.append(alone.rewards[0])
+    starts = np.cumsum([0, *elapsed[:until]]).astype(int)
+    assert starts[-1] == len(seconds) and max(elapsed[:until]) > 3
+    for reward, a, b in zip(rewards, starts, starts[1:]):
+        np.testing.assert_allclose(reward, sum(gamma**k * paid for k, paid in enumerate(seconds[a:b])), atol=1e-9)
 
 
 def test_a_teacher_decides_and_its_choices_are_kept(tmp_path):
@@ -425,7 +447,7 @@ def test_a_damaged_or_foreign_state_is_refused_by_name(saved, tmp_path, damage):
 
 @pytest.mark.parametrize("workers", [0, 33, "2", 1.5])
 def test_a_plan_has_as_many_workers_as_missions_at_most(workers):
-    with pytest.raises(ValueError, match=r"workers must be .* from 1 to side_by_side \(32\)"):
+    with pytest.raises(ValueError, match=r"workers must be a whole number in 1\.\.32, is "):
         Plan("mappo", SHORT, workers=workers)
 
 
@@ -472,7 +494,8 @@ WEIGHT_DAMAGES = {
     "facts of no object": lambda path: reweigh(path, facts="[1]"),
     "no number": lambda path: reweigh(path, lambda t: t | {"robot.itself.0.bias": t["robot.itself.0.bias"] * torch.nan}),
     "an infinite bias": lambda path: reweigh(path, lambda t: t | {"robot.itself.0.bias": t["robot.itself.0.bias"] / 0.0}),
-    "another critic's features": lambda path: reweigh(path, schema=json.dumps([*json.loads(SCHEMA)[:-1], N_GLOBAL + 1])),
+    "older rules": lambda path: reweigh(path, format="commhg_mj weights 1"),
+    "another critic's features": lambda path: reweigh(path, schema=SCHEMA.replace('"pending"', '"pending_share"')),
     "a tensor less": lambda path: reweigh(path, lambda t: dict(list(t.items())[1:])),
     "a shape": lambda path: reweigh(path, lambda t: t | {"robot.itself.0.weight": torch.zeros(2, 2)}),
 }

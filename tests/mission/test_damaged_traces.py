@@ -180,7 +180,7 @@ def test_every_column_must_fit(columns, tmp_path, name):
     "name, values",
     [
         ("magic", ["", "other", 1, [1, 2]]),
-        ("format", [0, 2, "x", 1.5, [1, 1]]),
+        ("format", [0, 1, "x", 2.5, [2, 2]]),
         ("seed", [-1, 1.5, "x", [1, 2], 1j, float("nan")]),
         ("links", ["", "laser", 3]),
         ("limitation", ["", "extreme"]),

@@ -78,7 +78,7 @@ def test_assistance_needs_a_task_no_control_and_tokens():
     pilot.robots["tokens"], pilot.robots["next_telemetry"] = 0.0, 3600
     pilot.step()
     refuse(pilot.batch, at(pilot.batch, "assist", 1, True), "uav1 .* assist is not open")
-    pilot = Pilot(plain())
+    pilot = Pilot(plain()).heard()
     pilot.step(operators={0: 1}).wait_until(lambda: pilot.robots["controller"][1] == 0)
     refuse(pilot.batch, at(pilot.batch, "assist", 1, True), "uav1 .* assist is not open")
 
@@ -183,7 +183,7 @@ def test_nobody_is_asked_in_missions_that_are_over_and_failed_robots_never():
 
 
 def test_robots_decide_on_control_start_and_end_and_operators_on_lease_events():
-    pilot = Pilot(plain(robot_period=3600, operator_period=1, lease=8.0, renewal_period=3600.0, map_side=5000.0))
+    pilot = Pilot(plain(robot_period=3600, operator_period=1, lease=8.0, renewal_period=3600.0, map_side=5000.0)).heard()
     pilot.step(operators={0: 0})
     moments = {}
     while pilot.now < 20:
@@ -192,8 +192,9 @@ def test_robots_decide_on_control_start_and_end_and_operators_on_lease_events():
             moments.setdefault(int(row["mode"]), pilot.now)
         pilot.step()
     assert set(moments) == {0, 1}, "due in the handover, and when control has ended"
-    pilot = Pilot(plain(robot_period=1, operator_period=3600, lease=8.0, renewal_period=3600.0, map_side=5000.0))
-    pilot.step(operators={0: 0})
+    pilot = Pilot(plain(robot_period=1, operator_period=4, lease=8.0, renewal_period=3600.0, map_side=5000.0)).heard()
+    pilot.wait_until(lambda: 0 in pilot.batch.observations.operators["operator"], 9).step(operators={0: 0})
+    pilot.operators["next_decision"] = 3600
     sessions = []
     while pilot.now < 20:
         sessions += pilot.batch.observations.operators["session"].tolist()

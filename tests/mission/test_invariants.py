@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from strategies import change, limitations, link_models, scenarios, seeds
 
 from commhg_mj.base.terms import NOBODY, Activity, Fate, Kind, Mode, Session, Status
+from commhg_mj.mission.batch import MissionBatch, stay
 from commhg_mj.policies import prepare
 from commhg_mj.scenarios import SCENARIOS
 
@@ -76,13 +77,18 @@ class Auditor:
 
     @staticmethod
     def check_control(state):
-        for robots, operators in zip(state.robots, state.operators):
-            held = np.flatnonzero(operators["session"] == Session.HELD)
-            assert np.array_equal(robots["controller"][operators["robot"][held]], held)
+        """One robot a human, one human a robot, and no lease that its operator does not reckon with."""
+        lease = state.missions["rules"]["lease"]
+        for e, (robots, operators) in enumerate(zip(state.robots, state.operators)):
             controlled = np.flatnonzero(robots["controller"] != NOBODY)
-            assert np.array_equal(np.sort(operators["robot"][held]), controlled)
+            controllers = robots["controller"][controlled]
+            assert len(np.unique(controllers)) == len(controllers), "an operator controls two robots"
+            assert np.array_equal(operators["leased"][controllers], controlled)
+            assert np.all(robots["lease_until"][controlled] <= operators["lease_sent"][controllers] + lease[e])
             assert np.array_equal(robots["mode"] == Mode.AUTONOMOUS, robots["controller"] == NOBODY)
             assert np.array_equal(operators["session"] == Session.REST, operators["robot"] == NOBODY)
+            held = operators[operators["session"] == Session.HELD]
+            assert np.array_equal(held["leased"], held["robot"])
         assert np.all((state.operators["fatigue"] >= 0) & (state.operators["fatigue"] <= 1))
 
     @staticmethod
@@ -168,16 +174,30 @@ def test_rewards_and_metric_are_what_the_final_record_says(scenario, seed, limit
     (score,), tasks, mission = batch.scores(), batch.state.tasks[0], batch.state.missions[0]
     total, reward, mission_value = tasks["value"].sum(), scenario.reward, 0.0
     for task in tasks[tasks["done_at"] >= 0]:
-        mission_value += task["value"] * np.exp(-max(0.0, task["done_at"] - task["deadline"]) / task["decay"]) / total
-    assert score.twcr == pytest.approx(mission_value) and -1e-12 <= score.twcr <= 1 + 1e-12
+        mission_value += task["value"] * np.exp(-max(0.0, task["done_at"] - task["deadline"]) / task["decay"])
+    assert score.twcr == pytest.approx(mission_value / total) and -1e-12 <= score.twcr <= 1 + 1e-12
     assert 0 <= score.on_time <= score.completion <= 1 and score.lateness_loss >= -1e-12
     seconds = np.arange(1, mission["now"] + 1)[:, None]
     open_then = (tasks["release"] <= seconds) & ((tasks["done_at"] < 0) | (tasks["done_at"] > seconds))
     pending = np.sum(open_then * tasks["value"]) / total
     assert score.reward_mission == pytest.approx(mission_value - reward.pending * pending)
     costs = score.switches * reward.switch_cost + score.incompatibles * reward.incompatible_cost
-    assert score.reward_coordination == pytest.approx(-costs - score.conflicts * reward.conflict_cost)
-    np.testing.assert_allclose(rewards[0], [score.reward_mission, score.reward_coordination], atol=1e-9)
+    costs += score.conflicts * reward.conflict_cost
+    assert score.reward_coordination == pytest.approx(-costs * np.mean(scenario.tasks.values))
+    np.testing.assert_allclose(rewards[0], [score.reward_mission, score.reward_coordination], rtol=1e-9, atol=1e-9)
+
+
+def test_a_steps_rewards_are_discounted_by_the_second():
+    gamma, batch = 0.9, MissionBatch("small", [3], record=True)
+    batch.discount = gamma
+    for _ in range(30):
+        since = batch.time[0]
+        batch.step(stay(batch.observations))
+        rows = batch.log.rewards[0][since : batch.time[0]]
+        fade = gamma ** np.arange(len(rows))
+        expected = np.sum(fade * rows["mission"]), np.sum(fade * rows["coordination"])
+        np.testing.assert_allclose(batch.rewards[0], expected, rtol=1e-9)
+    assert batch.time[0] > 60, "steps of several seconds"
 
 
 @settings(max_examples=15)
@@ -194,7 +214,7 @@ def test_bytes_leave_only_against_tokens(scenario, seed, limitation):
     tokens = np.concatenate([log.robots["tokens"][0], log.operators["tokens"][0]], axis=1)[: end + 1].astype(float)
     expected = np.minimum(rules.bucket, tokens[:-1] + rules.refill) - spent[1:]
     frozen = np.zeros(expected.shape, bool)
-    frozen[:, :n_robots] = (log.robots["activity"][0] == Activity.FAILED)[1 : end + 1]
+    frozen[:, :n_robots] = (log.robots["activity"][0] == Activity.FAILED)[:end]  # its last report leaves when it fails
     assert np.all(spent[1:][frozen] == 0)
     np.testing.assert_allclose(tokens[1:][~frozen], expected[~frozen], rtol=1e-5, atol=1e-2)
     assert np.all(tokens >= 0)

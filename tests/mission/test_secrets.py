@@ -2,16 +2,17 @@
 
 import numpy as np
 import pytest
-from flying import Wanderer, copied, differences, fly
+from flying import Wanderer, copied, differences, fly, visible_bytes
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from strategies import limitations, scenarios, seeds
+from strategies import change, limitations, scenarios, seeds
 
-from commhg_mj.base.terms import NOBODY, Activity
+from commhg_mj.base.terms import NOBODY, Activity, Kind
 from commhg_mj.mission.batch import MissionBatch, advance_and_observe
 from commhg_mj.mission.decide import new_masks
 from commhg_mj.mission.observe import UNKNOWN, new_observations
 from commhg_mj.policies import POLICIES, prepare
+from commhg_mj.scenarios import SCENARIOS
 
 PUBLIC = ["x", "y", "announced", "difficulty", "value", "deadline", "decay"]  # of released tasks
 HIDDEN = [
@@ -34,6 +35,7 @@ ARRAYS = (
     "peers",
     "inboxes",
     "resources",
+    "commands",
     "tips",
     "uplinks",
     "downlinks",
@@ -76,15 +78,18 @@ def keep_robot(state, truth, r):
 
 
 def keep_operator(state, truth, h):
-    """Give back what operator h may know: itself and the station's reports of robots."""
-    state.operators[0, h] = truth.operators[0, h]
-    state.peers[0, -1] = truth.peers[0, -1]
+    """Give back what operator h may know: itself, its downlink, the station's reports of robots and evidence of tasks."""
+    for name in ("operators", "downlinks"):
+        getattr(state, name)[0, h] = getattr(truth, name)[0, h]
+    for name in ("peers", "beliefs"):
+        getattr(state, name)[0, -1] = getattr(truth, name)[0, -1]
     state.operators["due"][0, h] = 1
 
 
 def observe(batch, n_robots, n_operators):
-    seen, masks = new_observations(1, batch.scenario), new_masks(1, batch.scenario)
-    assert advance_and_observe(batch.state.missions, np.zeros(1, int), seen, masks) == (n_robots, n_operators)
+    seen, masks, earned = new_observations(1, batch.scenario), new_masks(1, batch.scenario), np.zeros((1, 2))
+    due = advance_and_observe(batch.state.missions, np.zeros(1, int), 1.0, earned, seen, masks)
+    assert due == (n_robots, n_operators)
     return type(seen)(*(table[:n] for table, n in zip(seen, [n_robots] * 4 + [n_operators] * 2)))
 
 
@@ -122,6 +127,61 @@ def test_no_observation_depends_on_hidden_state_under_any_policy(name):
     for seconds in (30, 90, 200):
         fly(batch, policy, seconds)
         assert_nothing_leaks(batch, seconds)
+
+
+def cut_uplink(batch):
+    """From now on nothing that a robot says reaches the station."""
+    batch.state.missions["rules"]["message_bytes"][:, [Kind.TELEMETRY, Kind.QUERY, Kind.REQUEST]] = 10**6
+    in_the_air = np.isin(batch.state.air["kind"], (Kind.TELEMETRY, Kind.QUERY, Kind.REQUEST))
+    batch.state.air["due"][in_the_air] = 10**6
+
+
+def finish(state):
+    """Every task that is held is done as soon as its robot is there."""
+    end_services(state, 1.0)
+
+
+def fail(state):
+    """Every attempt fails as soon as its robot is there."""
+    end_services(state, -1.0)
+
+
+def end_services(state, chance):
+    held = state.tasks["owner"] != NOBODY
+    state.tasks["progress"][held], state.tasks["chance"][held] = 1.0, chance
+
+
+def drop(state):
+    """Every lease is over."""
+    state.robots["lease_until"] = 0.0
+
+
+def shatter(state):
+    """Every robot that is controlled breaks in the next second."""
+    state.missions["rules"]["controlled_hazard"] = 1.0
+
+
+@pytest.mark.parametrize("happens", [finish, fail, drop, shatter])
+@pytest.mark.parametrize("name", [name for name, info in POLICIES.items() if not info.is_privileged])
+def test_without_an_uplink_operators_see_the_same_whatever_their_robots_do(name, happens):
+    """From a second on no report arrives: operators go on by their own records, to the last bit, for two minutes."""
+    scenario = change(SCENARIOS["small"], operator_period=1, malfunction=0.0)
+    teams = [prepare(name, scenario, range(5, 11)) for _ in range(2)]
+    for batch, policy in teams:
+        fly(batch, policy, 100)
+        cut_uplink(batch)
+    (batch, policy), (other, other_policy) = teams
+    assert np.any(batch.state.robots["controller"] != NOBODY)
+    happens(other.state)
+    differ = set()
+    for _ in range(120):
+        decisions, other_decisions = policy(batch.observations), other_policy(other.observations)
+        seen = [(each.observations.operators, each.observations.operator_reports) for each in (batch, other)]
+        assert all(visible_bytes(a) == visible_bytes(b) for a, b in zip(*seen)), f"at {batch.time}"
+        batch.step(decisions, seconds=1)
+        other.step(other_decisions._replace(operator=decisions.operator), seconds=1)
+        differ |= set(differences(batch.state, other.state))
+    assert {"robots.activity", "robots.mode", "tasks.done_at"} & differ, "the missions did differ"
 
 
 def test_the_noise_would_show_in_an_observation_that_used_it():

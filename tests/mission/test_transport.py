@@ -114,7 +114,8 @@ def test_a_bucket_fills_to_its_capacity_and_no_further():
 
 
 def test_a_control_command_goes_before_replies():
-    pilot = Pilot(plain(refill=10.0, n_uav=3, telemetry_period=3600.0))
+    pilot = Pilot(plain(refill=10.0, n_uav=3, telemetry_period=3600.0)).heard()
+    pilot.robots["tokens"] = 192.0
     pilot.operators["tokens"], pilot.operators["next_decision"] = 0.0, 0
     pilot.step(robots={0: dict(query=0), 1: dict(query=0)}).wait(1)
     pilot.step(operators={0: 2})
@@ -129,7 +130,7 @@ def test_a_control_command_goes_before_replies():
 
 
 def test_no_reply_overtakes_a_command_that_lacks_tokens():
-    pilot = Pilot(plain(refill=0.0, telemetry_period=3600.0, control_bytes=100))
+    pilot = Pilot(plain(refill=0.0, telemetry_period=3600.0, control_bytes=100)).heard()
     pilot.operators["tokens"] = 70.0
     pilot.step(robots={0: dict(query=0)}, operators={0: 1}).wait(4)
     assert waits(pilot.downlinks[0])[COMMAND] and count(pilot, Kind.REPLY)["sent"] == 0
@@ -159,7 +160,7 @@ def test_the_best_neighbours_are_those_with_the_least_terrain_between():
         SCENARIOS["medium"], n_uav=8, n_ugv=0, malfunction=0.0, unavailable_or_delayed=(0.0, 0.0, 0.0), out_degree=2,
         range=(2.0, 2.0, 2.0), robot_period=1, initial_phase=0.0, forest_decay=1e4, mountain_decay=1e4,
     )  # fmt: skip
-    pilot = Pilot(scenario, seed=3, record=True)
+    pilot = Pilot(scenario, seed=3, record=True, links="abstract")
     rng = np.random.default_rng(0)
     places = rng.uniform(0, 1000, (8, 2))
     pilot.robots["x"], pilot.robots["y"] = places.T
@@ -225,7 +226,8 @@ def station_learns(pilot, task, status=Status.OPEN, task_type=TaskType.GENERAL, 
 def test_a_reply_reports_the_operators_resources():
     pilot = asker(n_operators=2)
     pilot.operators["fatigue"], pilot.operators["tokens"] = [0.1, 0.5], [192, 100]
-    pilot.step(operators={1: 1}).wait(2)
+    pilot.peers["time"][-1, 1] = 0  # heard of
+    pilot.step().step(operators={1: 1}).wait(2)
     pilot.step(robots={0: dict(query=1)}).wait(3)
     report = pilot.resources[0, 1]
     assert report["time"] >= 3 and report["fatigue_class"] == 1 and report["robot"] == 1 and report["queue"] == 0
@@ -359,7 +361,7 @@ def test_terrain_loses_the_share_that_the_metres_say():
         SCENARIOS["small"], n_uav=2, n_ugv=0, n_operators=0, malfunction=0.0, robot_period=1, initial_phase=0.0,
         range=(2.0,) * 3, time_limit=500, mountain_share=0.0, forest_share=0.2, n_forests=3,
     )  # fmt: skip
-    batch = MissionBatch(scenario, range(12))
+    batch = MissionBatch(scenario, range(12), links="abstract")
     metres = []
     rng = np.random.default_rng(1)
     for e, world in enumerate(batch.worlds):
@@ -403,7 +405,7 @@ def test_perfect_links_lose_and_wait_for_nothing_but_the_limitation_level():
 
 
 def test_an_operator_that_rests_takes_its_waiting_command_back():
-    pilot = Pilot(plain(refill=0.0))
+    pilot = Pilot(plain(refill=0.0)).heard()
     pilot.operators["tokens"] = 0.0
     pilot.step(operators={0: 1}).step(operators={0: REST})
     assert fates(pilot, Kind.CONTROL) == {Fate.NO_TOKENS: 1} and pilot.operators["robot"][0] == NOBODY

@@ -55,7 +55,7 @@ def grove(*discs):
     """A ray model with canopies (x, y, radius, height)."""
     parts = np.array([(Footprint.FOREST, 0, x, y, r, r, 0, height) for x, y, r, height in discs], PART)
     surfaces = np.zeros((0, SURFACE_NODES, SURFACE_NODES))
-    return RayModel(Layout(200.0, parts, surfaces, np.zeros(2), np.zeros((0, 2)), np.zeros((1, 2))))
+    return RayModel(Layout(200.0, parts, surfaces, np.zeros(2), np.zeros((0, 2)), np.zeros((1, 2)), 0.4))
 
 
 def links_near(parts, n, rng, heights):

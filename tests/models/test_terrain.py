@@ -2,14 +2,17 @@
 
 import numpy as np
 import pytest
+from strategies import change
 
 from commhg_mj.base.terms import Footprint
 from commhg_mj.models.layout import PART, Layout
+from commhg_mj.models.poses import robot_positions
 from commhg_mj.models.raymodel import RayModel
-from commhg_mj.models.terrain import NOTHING, SURFACE_NODES, add_profile, ground_at
+from commhg_mj.models.terrain import NOTHING, SURFACE_NODES, add_profile, floor_at, ground_at
 from commhg_mj.models.world import make_world
 from commhg_mj.radio.losses import fresnel_parameter, knife_edge_loss, wavelength
 from commhg_mj.scenarios import SCENARIOS
+from commhg_mj.scenarios.heightmap import to_text
 
 WORLDS = [("small", 0), ("medium", 1), ("large", 2)]
 every_world = pytest.mark.parametrize("name, seed", WORLDS, ids=lambda value: str(value))
@@ -22,7 +25,7 @@ def rugged():
     axis = np.arange(SURFACE_NODES) - 16.0
     inside = np.hypot(*np.meshgrid(axis, axis)) < 15
     surface = np.where(inside, np.random.default_rng(0).uniform(0.1, 40, inside.shape), 0.0)
-    return Layout(200.0, part, surface[None], np.zeros(2), np.zeros((0, 2)), np.zeros((1, 2)))
+    return Layout(200.0, part, surface[None], np.zeros(2), np.zeros((0, 2)), np.zeros((1, 2)), 0.4)
 
 
 def mountains_of(layout):
@@ -164,3 +167,66 @@ def test_the_reach_of_a_mountain_covers_its_surface():
             cell = axis[1] - axis[0]
             assert away[mountain["height"] > 0].max() + np.sqrt(2) * cell <= mountain["reach"] + 1e-9
             assert mountain["top"] == mountain["height"].max() > 0
+
+
+def ranges():
+    """A heightmap of ridges with cliffs, beyond the map's edge, too."""
+    x, y = np.meshgrid(np.linspace(0, 1, 128), np.linspace(0, 1, 128))
+    waves = np.sin(9 * x + 4 * y) * np.cos(7 * y - 3 * x)
+    return to_text(np.where((waves > 0.3) & (np.hypot(x - 0.5, y - 0.1) > 0.25), waves, 0.0))
+
+
+FLIGHTS = [
+    *(change(SCENARIOS[name], uav_slope=slope) for name in SCENARIOS for slope in (0.4, 0.1)),
+    change(SCENARIOS["medium"], heightmap=ranges(), mountain_height=(60.0, 150.0)),
+    change(SCENARIOS["small"], mountain_share=0.2, n_mountains=12),
+]
+
+
+@pytest.mark.parametrize("scenario", FLIGHTS, ids=lambda scenario: f"{scenario.name}-{scenario.world.uav_slope}")
+def test_uavs_climb_no_faster_than_the_slope_at_their_speed_and_fly_no_lower_than_their_height(scenario):
+    rng, side, slope = np.random.default_rng(0), scenario.map_side, scenario.world.uav_slope
+    speed, steepest = scenario.robots.controlled_speed[0], 0.0
+    for seed in range(3):
+        world = make_world(scenario, seed)
+        for start, bearing in zip(rng.uniform(-0.1 * side, 1.1 * side, (60, 2)), rng.uniform(0, 2 * np.pi, 60)):
+            seconds = np.arange(0.0, 0.7 * side / speed, 0.1)
+            way = start + seconds[:, None] * speed * np.array([np.cos(bearing), np.sin(bearing)])
+            height = world.layout.flight_floor(way)
+            climb = np.abs(np.diff(height)) / np.diff(seconds)
+            assert climb.max() <= slope * speed + 1e-9
+            assert np.all(height >= world.layout.ground_height(way) - 1e-9)
+            steepest = max(steepest, climb.max())
+    assert steepest > 0.9 * slope * speed, "they use it"
+
+
+def test_the_floor_is_the_lowest_that_falls_no_faster():
+    layout = rugged()
+    (mountain,) = layout.terrain
+    column, row = np.meshgrid(np.arange(SURFACE_NODES), np.arange(SURFACE_NODES))
+    away = np.abs(column[..., None, None] - column) + np.abs(row[..., None, None] - row)
+    lowest = np.max(layout.surfaces[0] - 0.4 / np.sqrt(2) * 2.0 * away, axis=(2, 3))
+    np.testing.assert_allclose(mountain["floor"], lowest, atol=0.01)  # its cells are 2 m, to the centimetre of its half width
+    beyond = layout.flight_floor([[100.0, 132.0], [100.0, 142.0], [142.0, 142.0], [0.0, 0.0]])
+    edge, fall = mountain["floor"][-1], 0.4 / np.sqrt(2)
+    expected = [edge[16], max(edge[16] - 10 * fall, 0), max(edge[-1] - 20 * fall, 0), 0]
+    np.testing.assert_allclose(beyond, expected, atol=0.05)
+
+
+@pytest.mark.parametrize("fields", [{}, {"heightmap": ranges()}], ids=["drawn", "heightmap"])
+def test_a_floor_that_may_be_as_steep_as_can_be_is_the_ground(fields):
+    layout = make_world(change(SCENARIOS["medium"], uav_slope=1e6, **fields), 1).layout
+    points = np.random.default_rng(0).uniform(0, 1000, (2000, 2))
+    np.testing.assert_allclose(layout.flight_floor(points), layout.ground_height(points), atol=1e-9)
+
+
+@every_world
+def test_kernels_layout_and_bodies_agree_on_the_floor_to_the_bit(name, seed):
+    world = make_world(SCENARIOS[name], seed)
+    n, side, mountains = world.scenario.n_robots, world.layout.side, mountains_of(world.layout)
+    for points in np.random.default_rng(2).uniform(-0.2 * side, 1.2 * side, (40, n, 2)):
+        floor = world.layout.flight_floor(points)
+        assert floor.tolist() == [floor_at(mountains, x, y) for x, y in points]
+        uavs = robot_positions(world, points, np.zeros(n, bool))[: world.scenario.n_uav]
+        assert uavs[:, 2].tolist() == (floor + world.scenario.world.uav_height)[: len(uavs)].tolist()
+    assert world.layout.flight_floor(points[0]) == floor[0] and world.layout.flight_floor(points[0]).shape == ()

@@ -40,7 +40,8 @@ def antennas(world, trace, time):
     """[R + 1, 3] of the robots and the station, by the scenario's own numbers."""
     xy = np.concatenate([trace.robot_xy[time].astype(float), world.layout.station[None]])
     heights = np.array([25.0] * 3 + [1.0] * 3 + [15.0])
-    return np.c_[xy, world.layout.ground_height(xy) + heights]
+    base = np.where(np.arange(len(xy)) < 3, world.layout.flight_floor(xy), world.layout.ground_height(xy))
+    return np.c_[xy, base + heights]
 
 
 def test_the_mission_shows_something(trace, links):

@@ -5,7 +5,7 @@ import pytest
 from flying import fly, plain
 
 from commhg_mj.base.terms import IDLE, KEEP, NOBODY, REST
-from commhg_mj.mission.batch import MissionBatch
+from commhg_mj.mission.batch import MissionBatch, stay
 from commhg_mj.policies import POLICIES, find_policy, prepare
 from commhg_mj.policies.random import Random
 
@@ -24,8 +24,12 @@ def test_random_is_uniform_over_open_choices():
         0.25 * 3 / n
     )
     assert not decisions.broadcast.any(), "there is nobody to hear it"
+    assert np.all(decisions.operator == REST), "nobody has been heard of"
+    while len(batch.observations.operators) == 0 or not batch.observations.operator_reports["legal"].all():
+        batch.step(stay(batch.observations), seconds=1)
+    operator = Random(batch)(batch.observations).operator
     for choice in (REST, 0):
-        assert abs(np.mean(decisions.operator == choice) - 1 / 2) < 4 * np.sqrt(0.25 / n)
+        assert abs(np.mean(operator == choice) - 1 / 2) < 4 * np.sqrt(0.25 / len(operator))
 
 
 def test_random_speaks_half_of_the_time():
@@ -48,8 +52,9 @@ def test_only_the_omniscient_reference_is_privileged_and_free_to_speak():
     assert [name for name, info in POLICIES.items() if info.is_privileged] == ["omniscient"]
     batch, _ = prepare("omniscient", "small", [1])
     assert batch.links == "perfect" and batch.scenario.decisions.robot_period == 1
+    assert batch.scenario.communication.telemetry_period == 1
     batch, _ = prepare("greedy", "small", [1])
-    assert batch.links == "abstract" and batch.scenario.decisions.robot_period == 10
+    assert batch.links == "raycast" and batch.scenario.decisions.robot_period == 10
 
 
 def test_unknown_policies_are_refused():

@@ -9,10 +9,12 @@ from strategies import change
 from commhg_mj.base.terms import Footprint
 from commhg_mj.models.layout import inside_any, unit_frame
 from commhg_mj.models.world import make_world
-from commhg_mj.radio import find_link_model
+from commhg_mj.radio import LINK_MODELS, find_link_model
 from commhg_mj.radio.abstract import metres_inside
+from commhg_mj.radio.link_models import radio_rules
+from commhg_mj.radio.links import fates
 from commhg_mj.radio.world_links import WorldLinks
-from commhg_mj.scenarios import SCENARIOS
+from commhg_mj.scenarios import LIMITATIONS, SCENARIOS
 
 
 def metres(world, kind, a, b):
@@ -98,6 +100,14 @@ def test_a_world_without_obstacles_lets_everything_pass_up_to_the_range(links):
     found = WorldLinks(world, links).between(a, a + apart[:, None] * [1, 0, 0], 160)
     assert found["passing"].tolist() == [1, 1, 1, 1, 0]
     assert found["on_time"].tolist() == [0.9, 0.9, 0.9, 0.9, 0] and found["late"] == pytest.approx([0.05] * 4 + [0])
+
+
+@pytest.mark.parametrize("limitation", LIMITATIONS)
+def test_one_passing_share_is_one_fate_under_every_model(limitation):
+    """So a comparison differs by terrain alone."""
+    models = [links for links in LINK_MODELS if links != "perfect"]
+    for passing in (0.0, 0.3, 1.0):
+        assert len({fates(radio_rules(SCENARIOS["medium"], links, limitation), passing) for links in models}) == 1
 
 
 def test_unknown_link_models_are_refused():

@@ -260,9 +260,9 @@ def test_a_link_is_its_budget(options, limitation):
         passing[excess == 0] = 1
         assert np.any(excess == 0) == (scenario.radio.shadowing == 0)
     np.testing.assert_allclose(found["passing"], passing, atol=1e-12)
-    on_time = (0.9, 0.8, 0.7)[level] * passing
-    np.testing.assert_allclose(found["on_time"], on_time)
-    np.testing.assert_allclose(found["late"], (1 - on_time) * passing / 2, err_msg="one more try")
+    share = (0.9, 0.8, 0.7)[level]
+    np.testing.assert_allclose(found["on_time"], share * passing)
+    np.testing.assert_allclose(found["late"], (1 - share) / 2 * passing, err_msg="no attempt of its own")
     assert np.any(passing < 0.5) and (np.any(passing > 0.5) or (options, limitation) == (dict(profile="edge"), "high"))
 
 

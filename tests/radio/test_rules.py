@@ -112,9 +112,9 @@ def test_antennas_stand_where_the_scenario_says():
     links = WorldLinks(world)
     mountain = world.layout.mountains[0]
     places = np.array([[mountain["x"], mountain["y"]], world.layout.station])
-    ground = world.layout.ground_height(places)
+    ground, floor = world.layout.ground_height(places), world.layout.flight_floor(places)
     assert ground[0] > 20
-    np.testing.assert_allclose(links.robot_antennas(places, 0)[:, 2], ground + 42)
+    np.testing.assert_allclose(links.robot_antennas(places, 0)[:, 2], floor + 42)
     np.testing.assert_allclose(links.robot_antennas(places, np.array([1, 1]))[:, 2], ground + 0.5)
     assert links.mast.tolist() == [*world.layout.station, 22]
 

@@ -2,7 +2,9 @@ import mujoco
 import numpy as np
 import pytest
 
+from commhg_mj.base.terms import TaskType
 from commhg_mj.models.world import make_world
+from commhg_mj.render import stage as stage_module
 from commhg_mj.render.cameras import NEAR, Projection, check_camera, occluded
 from commhg_mj.render.moment import Timeline
 from commhg_mj.render.stage import Stage
@@ -56,6 +58,24 @@ def test_mountains_hide(stage):
     view = Projection(eye, np.eye(3), 100.0, 200, 100)
     behind, before, above = summit + [200, 0, -part["height"] + 5], eye + [20, 0, 0], summit + [0, 0, 500]
     assert occluded(view, layout.ground_height, np.stack([behind, before, above])).tolist() == [True, False, False]
+
+
+def test_the_sun_shines_from_where_it_stands(trace, stage, monkeypatch):
+    """On a cube the face towards it is brighter than the one away from it."""
+    cube = stage.pins[np.flatnonzero(stage.world.poi_types == TaskType.UGV_ONLY)[0]]
+    monkeypatch.setattr(stage, "has_markers", True)
+
+    def brightness(azimuth):
+        """Of the middle of the picture, from near the cube."""
+        camera = mujoco.MjvCamera()
+        camera.lookat, camera.distance, camera.azimuth, camera.elevation = cube, 8.0, azimuth, 0.0
+        monkeypatch.setattr(stage_module, "place_camera", lambda *_: (camera, 10.0))
+        return stage.render(Timeline(trace, 9.0).at(25.0), "overview")[0][175:185, 315:325].mean()
+
+    sun = stage.data.light("sun").xdir
+    np.testing.assert_allclose(np.linalg.norm(sun), 1.0)
+    assert sun[0] > 0 > sun[2], "it shines eastwards and down"
+    assert brightness(0.0) > 1.3 * brightness(180.0), "seen from the west, and from the east"
 
 
 def test_unknown_cameras_are_named():

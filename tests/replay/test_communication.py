@@ -62,7 +62,7 @@ def test_exact_figures_of_known_queries():
 
 def test_a_session_of_any_kind_is_busy():
     """Robot 0 hears that the operator holds it, and asks again."""
-    figures = figures_of(Script(asks=(10, 14), bids=1))
+    figures = figures_of(Script(asks=(10, 14), bids=3))
     assert (figures["unknown"], figures["busy"], figures["free"]) == (0.5, 0.5, 0) and figures["own"] == 1
 
 

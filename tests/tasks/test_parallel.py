@@ -185,6 +185,8 @@ def test_agents_without_an_action_stay():
 def test_numbers_of_every_kind_are_actions_of_humans(action):
     env, other = parallel_env(BRIEF), parallel_env(BRIEF)
     env.reset(seed=1), other.reset(seed=1)
+    for _ in range(4):  # until the robot has been heard of
+        env.step({}), other.step({})
     assert nested(env.step({"human_0": action}), other.step({"human_0": 3}))
     assert env.team.batch.state.operators["robot"][0, 0] == 1
 

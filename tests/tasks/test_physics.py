@@ -128,8 +128,9 @@ def test_bodies_stand_where_the_mission_has_its_robots(scenario):
         flies = np.arange(len(xy)) < scenario.n_uav
         failed = robots["activity"] == Activity.FAILED
         has_failed |= failed[:1].any()
-        heights = np.where(flies, np.where(failed, FALLEN_HEIGHT, scenario.world.uav_height), 0.0)
-        expected = np.c_[xy, world.layout.ground_height(xy) + heights]
+        on_ground = world.layout.ground_height(xy) + np.where(flies, FALLEN_HEIGHT, 0.0)
+        flying = world.layout.flight_floor(xy) + scenario.world.uav_height
+        expected = np.c_[xy, np.where(flies & ~failed, flying, on_ground)]
         np.testing.assert_array_equal(env.physics.robot_positions(), expected)
         np.testing.assert_array_equal(env.physics.data.mocap_pos, expected)
         for i, name in enumerate(scenario.robot_names):

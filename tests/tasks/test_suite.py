@@ -38,6 +38,7 @@ TIRING = change(SCENARIOS["small"], fatigue_rate=0.05, recovery_rate=0.0, time_l
 SLOW = change(SCENARIOS["small"], refill=1.0, time_to_live=100.0, time_limit=300)
 RARE = {  # few actions at random tire an operator or fill a queue; here they do
     "robot_operators/fatigue_class": TIRING, "robot_operators/queue": TIRING, "robots/request_waits": SLOW,
+    "operators/queue": TIRING,
 }  # fmt: skip
 
 
@@ -114,14 +115,15 @@ def test_actions_are_numbers_of_choices(flight):
 
 
 def test_rewards_keep_their_range(flight):
-    """All tasks are worth 1 together; waiting costs a hundredth a second, and everybody's mistakes some more."""
+    """A completion is worth its task; waiting costs a hundredth a second, and everybody's mistakes some more."""
     env, timesteps = flight
     rules, scenario = env.task.team.scenario.reward, env.task.team.scenario
     mistakes = rules.incompatible_cost * scenario.n_robots + (rules.switch_cost + rules.conflict_cost) * scenario.n_operators
+    mistakes *= np.mean(scenario.tasks.values)
     for timestep in timesteps:
         if not timestep.first():
             waiting = rules.pending * float(timestep.observation["elapsed"][0])
-            assert -waiting - mistakes <= timestep.reward <= 1
+            assert -waiting - mistakes <= timestep.reward <= scenario.n_robots * max(scenario.tasks.values)
     rewards = [timestep.reward for timestep in timesteps if not timestep.first()]
     assert min(rewards) < 0 < max(rewards)
 

@@ -7,9 +7,10 @@ from ...study.calibration import Calibration
 
 
 def calibration_tables(results: list[Calibration], n_missions: int) -> list[Table]:
-    """TWCR of every reference, and the rules with what was measured; docs/calibration.md holds them as printed."""
-    figures = Table(title=f"mean TWCR, {n_missions} missions [95 % interval]", title_justify="left", box=MARKDOWN)
-    rules = Table(title="rules", title_justify="left", box=MARKDOWN)
+    """TWCR of every reference under one link model, and the rules with what was measured; docs/calibration.md has them."""
+    links = results[0].links
+    figures = Table(title=f"mean TWCR, {links} links, {n_missions} missions [95 % interval]", title_justify="left", box=MARKDOWN)
+    rules = Table(title=f"rules, {links} links", title_justify="left", box=MARKDOWN)
     figures.add_column("flight")
     rules.add_column("rule")
     for result in results:

@@ -4,13 +4,14 @@ import torch
 from torch import Tensor, nn
 
 from ..critic import Critic, ReturnScale
-from ..graphs import IS_KNOWN, N_OPERATOR, N_PEER, N_PUBLIC, N_REPORT, N_RESOURCE, N_ROBOT, N_TASK_EDGE
+from ..features import OPERATOR, PEER, PUBLIC, REPORT, RESOURCE, ROBOT, TASK_EDGE
 from ..heads import RobotLogits
 from ..networks import MESSAGE, NODE, Relation, Update, after, bounded, head, linear, mlp
 from ..ragged import Edges, edges_where
 from ..registry import method
 
 ROUNDS = 2
+IS_KNOWN = RESOURCE.index("age_known")
 RARELY = 3.0  # logit of nobody at first: a query displaces telemetry
 
 
@@ -23,11 +24,12 @@ class RobotActor(nn.Module):
 
     def __init__(self):
         super().__init__()
-        self.itself, self.attributes, self.task = mlp(N_ROBOT, NODE, NODE), linear(N_PUBLIC, MESSAGE), linear(MESSAGE, NODE)
-        self.peer, self.operator = linear(N_PEER, NODE), linear(N_RESOURCE, NODE)
-        self.tasks, self.peers, self.operators = Relation(N_TASK_EDGE), Relation(N_PEER), Relation(N_RESOURCE)
+        self.itself, self.attributes = mlp(ROBOT.width, NODE, NODE), linear(PUBLIC.width, MESSAGE)
+        self.task = linear(MESSAGE, NODE)
+        self.peer, self.operator = linear(PEER.width, NODE), linear(RESOURCE.width, NODE)
+        self.tasks, self.peers, self.operators = Relation(TASK_EDGE.width), Relation(PEER.width), Relation(RESOURCE.width)
         self.update = Update(3)
-        self.score_task, self.score_edge = linear(NODE, MESSAGE), linear(N_TASK_EDGE, MESSAGE)
+        self.score_task, self.score_edge = linear(NODE, MESSAGE), linear(TASK_EDGE.width, MESSAGE)
         self.score_robot, self.score = linear(NODE, MESSAGE, bias=False), linear(MESSAGE, 1, 0.01)
         self.keep_idle, self.gate, self.assist = head(NODE, 2), head(NODE, 1), head(NODE, 1)
         self.query_robot, self.query_operator = linear(NODE, MESSAGE), linear(NODE, MESSAGE, bias=False)
@@ -38,7 +40,7 @@ class RobotActor(nn.Module):
         """Logits of N robots.
 
         Args:
-          graphs: `batches.RobotBatch`. public: [tasks, N_PUBLIC].
+          graphs: `batches.RobotBatch`. public: [tasks, PUBLIC.width].
         """
         attributes = torch.relu(self.attributes(public))
         task_edges = Edges(graphs.task_ptr, graphs.task)
@@ -78,8 +80,8 @@ class OperatorActor(nn.Module):
 
     def __init__(self):
         super().__init__()
-        self.itself, self.report = mlp(N_OPERATOR, NODE, NODE), linear(N_REPORT, NODE)
-        self.reports, self.update = Relation(N_REPORT), Update(1)
+        self.itself, self.report = mlp(OPERATOR.width, NODE, NODE), linear(REPORT.width, NODE)
+        self.reports, self.update = Relation(REPORT.width), Update(1)
         self.score_report, self.score_operator = linear(NODE, MESSAGE), linear(NODE, MESSAGE, bias=False)
         self.score, self.keep_rest = linear(MESSAGE, 1, 0.01), head(NODE, 2)
 

@@ -7,12 +7,14 @@ import torch
 from torch import Tensor, nn
 
 from ..critic import Critic, ReturnScale
-from ..graphs import IS_HELD, N_OPERATOR, N_PEER, N_REPORT, N_RESOURCE, N_ROBOT, N_TASK_EDGE, VALUE_RATE
+from ..features import OPERATOR, PEER, REPORT, RESOURCE, ROBOT, TASK_EDGE
 from ..heads import RobotLogits
 from ..networks import NODE, bounded, linear
 from ..registry import method
 
 N_TASKS, N_PEERS, N_OPERATORS, N_REPORTS = 8, 6, 3, 8  # that fit in, the best first
+VALUE_RATE, IS_HELD = TASK_EDGE.index("value_rate"), TASK_EDGE.index("is_held")
+FRESH, GAIN = PEER.index("age_long"), REPORT.index("gain")
 FIRST = 1e3  # rank above any value rate
 LEFT_OUT = -30.0  # logit of what does not fit in: hardly ever chosen
 
@@ -27,14 +29,14 @@ class RobotMLP(nn.Module):
 
     def __init__(self):
         super().__init__()
-        width = N_ROBOT + N_TASKS * (N_TASK_EDGE + 1) + N_PEERS * (N_PEER + 1) + N_OPERATORS * N_RESOURCE
+        width = ROBOT.width + N_TASKS * (TASK_EDGE.width + 1) + N_PEERS * (PEER.width + 1) + N_OPERATORS * RESOURCE.width
         self.net = perceptron(width, 2 + N_TASKS)
 
     def forward(self, graphs, public: Tensor) -> RobotLogits:
         # What may be chosen or is held comes first: nothing else needs a score.
         rank = graphs.task_edge[:, VALUE_RATE] + FIRST * (graphs.task_legal | (graphs.task_edge[:, IS_HELD] > 0))
         tasks, picked = best_edges(graphs.task_ptr, graphs.rows, graphs.task_edge, rank, N_TASKS)
-        peers, _ = best_edges(graphs.peer_ptr, graphs.peer_rows, graphs.peer_edge, graphs.peer_edge[:, -1], N_PEERS)
+        peers, _ = best_edges(graphs.peer_ptr, graphs.peer_rows, graphs.peer_edge, graphs.peer_edge[:, FRESH], N_PEERS)
         operators = fit(graphs.resource, N_OPERATORS)
         out = bounded(self.net(torch.cat([graphs.itself, tasks, peers, operators], dim=1)))
         score = out.new_full((len(graphs.rows),), LEFT_OUT)
@@ -48,11 +50,11 @@ class OperatorMLP(nn.Module):
 
     def __init__(self):
         super().__init__()
-        self.net = perceptron(N_OPERATOR + N_REPORTS * (N_REPORT + 1), 2 + N_REPORTS)
+        self.net = perceptron(OPERATOR.width + N_REPORTS * (REPORT.width + 1), 2 + N_REPORTS)
 
     def forward(self, graphs) -> Tensor:
         k, r = graphs.legal.shape
-        gain = torch.where(graphs.known, graphs.report[..., -1], -2.0)
+        gain = torch.where(graphs.known, graphs.report[..., GAIN], -2.0)
         order = gain.argsort(dim=1, descending=True, stable=True)[:, :N_REPORTS]
         reports = torch.cat([graphs.report, graphs.known[..., None].float()], dim=2)
         best = reports.gather(1, order[..., None].expand(-1, -1, reports.shape[2]))

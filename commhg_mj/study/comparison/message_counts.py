@@ -12,7 +12,7 @@ from ...mission.score import Score
 ROUTES = {  # name: message kinds
     "robots": (Kind.BROADCAST,),
     "uplink": (Kind.TELEMETRY, Kind.QUERY, Kind.REQUEST),
-    "downlink": (Kind.CONTROL, Kind.RENEWAL, Kind.REPLY),
+    "downlink": (Kind.CONTROL, Kind.RENEWAL, Kind.RELEASE, Kind.REPLY),
 }
 LONGEST = 60  # s: latencies are counted up to here
 USABLE = 50  # percent delivered: a link that connects
