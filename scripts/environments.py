@@ -168,7 +168,8 @@ def lowest(folder, rooms) -> bool:
         print(failure)
         return False
     found = environment.run("tests/fingerprints.py").stdout
-    is_same = found and json.loads(found) == json.loads((environment.folder / "tests/fingerprints.json").read_text(encoding="utf-8"))
+    of_the_pins = (environment.folder / "tests/fingerprints.json").read_text(encoding="utf-8")
+    is_same = found and json.loads(found) == json.loads(of_the_pins)
     print(f"fingerprints of worlds, links and missions: {'those of the pins' if is_same else 'others'}")
     return report(environment, rooms) and is_same
 
