@@ -96,13 +96,13 @@ def learn_control(m, r, report):
         operator = true_operator(m, h)
         # The robot heard the last command of this operator, or fails: none in the air takes effect any more.
         is_answered = report.activity == FAILED or (report.command_from == h and report.command_sent >= operator.ordered_at)
+        if operator.leased == r and report.controller != h and is_answered:
+            operator.leased = NOBODY
+            command(m, h, m.now)
         if operator.robot == r and operator.session == HELD:
             learn_session(m, h, held, report)
         elif operator.robot == r and operator.session == BID:
             learn_answer(m, h, report, is_answered)
-        if operator.leased == r and report.controller != h and is_answered:
-            operator.leased = NOBODY
-            command(m, h, m.now)
 
 
 @kernel
