@@ -58,6 +58,13 @@ class Kind(IntEnum):
     RELEASE = 7
 
 
+ROUTES = {  # name: message kinds
+    "robots": (Kind.BROADCAST,),
+    "uplink": (Kind.TELEMETRY, Kind.QUERY, Kind.REQUEST),
+    "downlink": (Kind.CONTROL, Kind.RENEWAL, Kind.RELEASE, Kind.REPLY),
+}
+
+
 class Fate(IntEnum):
     """Every message ends in exactly one of these."""
 

@@ -153,9 +153,10 @@ def claim(m, r, choice):
 
     The one place where a decision meets a truth that nobody has delivered: who owns the task.
     """
-    robot, task = true_robot(m, r), true_task(m, choice)
+    robot = true_robot(m, r)
     if choice < 0 or choice == robot.task:
         return
+    task = true_task(m, choice)
     if task.owner == NOBODY:
         if not is_compatible(robot.embodiment, task.type):
             m.incompatibles += 1

@@ -48,8 +48,9 @@ def new_log(n_missions: int, scenario, recording: bool) -> Log:
     """Room for every row that a mission can write; without recording, rooms without rows."""
     r, h, t, limit = scenario.n_robots, scenario.n_operators, scenario.n_tasks, scenario.time_limit
     e, ticks, samples = n_missions, limit * recording, (limit // SAMPLE_PERIOD + 1) * recording
-    # Per second a robot broadcasts once and queues one message of each uplink kind; replies answer queries.
-    lines = ticks * (r * (scenario.communication.out_degree + 4) + h)
+    # Per second a robot broadcasts once and queues one message of each uplink kind; replies answer queries. An operator
+    # queues a release and a command where it decides, and once more where a report or its clock ends what it had.
+    lines = ticks * (r * (scenario.communication.out_degree + 4) + 4 * h)
     return Log(
         robots=np.zeros((e, ticks + recording, r), s.ROBOT_ROW),
         operators=np.zeros((e, ticks + recording, h), s.OPERATOR_ROW),

@@ -250,7 +250,7 @@ def send_downlink(m, h, waiting, now):
         operator.lease_sent = now
     elif kind == RELEASE:
         operator.ordered_at = now
-    if kind == REPLY:
+    elif kind == REPLY:
         tip = choose_tip(m, r)
         if slot != NOBODY:
             write_reply(m, message_at(m, slot), h, tip, now)

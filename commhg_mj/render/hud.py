@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from ..base.terms import Activity, Fate, Session
+from ..base.terms import ROUTES, Activity, Fate, Session
 from . import palette as ink
 from .canvas import Canvas, text_width
 from .legend import draw_legend
 from .marks import draw_badge, draw_route_mark
 from .minimap import Minimap
-from .moment import ROUTES, Moment
+from .moment import Moment
 
 BAR = 54  # height of the title bar
 COLUMN = 206  # width of the panels on the left

@@ -4,21 +4,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..base.terms import Activity, Fate, Mode
+from ..base.terms import ROUTES, Activity, Fate, Kind, Mode
 
 TURN_TO_BANK = 0.6  # rad of bank per rad/s of turning
 MAX_BANK = 0.45  # rad
 COURSE_WINDOW = 25  # s before and after
 MINUTE = 60.0  # s: messages are counted over the last one
-ROUTES = ("robots", "uplink", "downlink")
-ROUTE_OF_KIND = np.array([0, 1, 1, 1, 2, 2, 2, 2])  # index into ROUTES, by terms.Kind
+ROUTE_OF_KIND = np.array([[kind in kinds for kinds in ROUTES.values()].index(True) for kind in Kind])  # into terms.ROUTES
 
 
 @dataclass(frozen=True)
 class Flight:
     """Messages to be shown at a moment: `phase` runs from 0 at the sender to 1 at the end of its showing."""
 
-    route: np.ndarray  # [m] index into ROUTES
+    route: np.ndarray  # [m] index into terms.ROUTES
     sender: np.ndarray  # [m] 0..R-1 robots, then operators, then the station
     receiver: np.ndarray  # [m] the same; -1 nobody
     fate: np.ndarray  # [m] terms.Fate

@@ -6,14 +6,9 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from ...base.terms import Activity, Fate, Kind
+from ...base.terms import ROUTES, Activity, Fate
 from ...mission.score import Score
 
-ROUTES = {  # name: message kinds
-    "robots": (Kind.BROADCAST,),
-    "uplink": (Kind.TELEMETRY, Kind.QUERY, Kind.REQUEST),
-    "downlink": (Kind.CONTROL, Kind.RENEWAL, Kind.RELEASE, Kind.REPLY),
-}
 LONGEST = 60  # s: latencies are counted up to here
 USABLE = 50  # percent delivered: a link that connects
 
