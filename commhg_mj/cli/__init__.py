@@ -11,11 +11,11 @@ from .measures import Bench, Calibrate
 from .missions import Render, Run
 from .radio_plans import Compare, Coverage, Fit, Links
 from .replays import Cases, Explain
-from .training import Evaluate, Publish, Train
+from .training import Curves, Evaluate, Methods, Publish, Train
 from .worlds import Figure, Scenarios, World
 
 Command = (
-    Run | Render | Explain | Cases | Train | Evaluate | Publish | Links | Coverage | Compare | Fit
+    Run | Render | Explain | Cases | Methods | Train | Curves | Evaluate | Publish | Links | Coverage | Compare | Fit
     | Scenarios | World | Figure | Bench | Calibrate
 )  # fmt: skip
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Literal
 
 import tyro
+from rich.table import Table
 
 from ..base.files import held
 from ..base.kernels import ensure_compiled
@@ -196,3 +197,45 @@ class Publish:
             with whole_file(self.out / target) as draft:
                 draft.write_bytes(content)
         say(f"{self.out / name}{ENDING} and its card {name}.md")
+
+
+@dataclass(frozen=True)
+class Curves:
+    """Hold training runs side by side: their learning curves, and their weights beside those that only imitated Greedy."""
+
+    runs: tyro.conf.Positional[tuple[Path, ...]]
+    """folders of runs on one scenario"""
+    out: Path = Path("renders/learning-curves.png")
+    """figure"""
+    missions: int = 200
+    """held-out missions for each file of weights"""
+    workers: int = 2
+    """processes"""
+
+    def __call__(self):
+        from ..study.learning_curves import draw_curves, study_runs
+        from .tables.curves import curves_table
+
+        check_file(self.out)
+        if not self.runs:
+            raise ValueError("RUNS: name at least one folder of a run")
+        at_least("missions", self.missions, 2)
+        at_least("workers", self.workers, 1)
+        with progress("flying", self.missions * (1 + 2 * len(self.runs))) as advance:
+            study = study_runs(self.runs, self.missions, self.workers, advance)
+        draw_curves(study, self.out)
+        OUT.print(curves_table(study, self.missions))
+        say(str(self.out))
+
+
+@dataclass(frozen=True)
+class Methods:
+    """List the learned methods: what each reads, decides and costs, where it comes from, and what of it is ours."""
+
+    def __call__(self):
+        from ..learning.method_table import HEAD, method_rows
+
+        table = Table(*HEAD)
+        for row in method_rows():
+            table.add_row(*row)
+        OUT.print(table)

@@ -9,6 +9,8 @@ from torch import Tensor
 from .graphs import OperatorGraphs, RobotGraphs
 from .ragged import rows_of
 
+OF_TASKS, OF_PEERS = ("task", "task_edge", "task_legal"), ("peer", "peer_edge", "peer_task", "peer_past")  # an edge's columns
+
 
 class RobotBatch(NamedTuple):
     """`RobotGraphs` of N decisions as tensors; `task` indexes rows of the public table."""
@@ -21,6 +23,9 @@ class RobotBatch(NamedTuple):
     own_edge: Tensor
     peer_ptr: Tensor
     peer_edge: Tensor
+    peer: Tensor  # [P]
+    peer_task: Tensor  # [P] rows of the public table, -1: none
+    peer_past: Tensor
     resource: Tensor
     keep_idle: Tensor
     gate: Tensor
@@ -33,10 +38,11 @@ class RobotBatch(NamedTuple):
 def robot_batch(graphs: RobotGraphs, n_tasks: int) -> RobotBatch:
     """Tensors that share the arrays' memory."""
     tensors = RobotGraphs(*(torch.from_numpy(np.ascontiguousarray(array)) for array in graphs))
-    rows = rows_of(tensors.task_ptr)
-    columns = tensors._replace(task=tensors.mission[rows] * n_tasks + tensors.task)._asdict()
+    rows, peer_rows = rows_of(tensors.task_ptr), rows_of(tensors.peer_ptr)
+    in_public = lambda task, of: torch.where(task >= 0, tensors.mission[of] * n_tasks + task, -1)
+    columns = tensors._asdict() | {"task": in_public(tensors.task, rows), "peer_task": in_public(tensors.peer_task, peer_rows)}
     kept = {name: columns[name] for name in RobotBatch._fields if name in columns}
-    return RobotBatch(**kept, rows=rows, peer_rows=rows_of(tensors.peer_ptr))
+    return RobotBatch(**kept, rows=rows, peer_rows=peer_rows)
 
 
 def join_robots(parts: list[RobotGraphs]) -> RobotGraphs:
@@ -57,16 +63,10 @@ def pick_robots(graphs: RobotGraphs, rows: np.ndarray) -> tuple[RobotGraphs, np.
     edges, task_ptr = _pick_edges(graphs.task_ptr, rows)
     peers, peer_ptr = _pick_edges(graphs.peer_ptr, rows)
     shift = task_ptr[:-1] - graphs.task_ptr[rows]
-    picked = {
-        name: array[rows] for name, array in graphs._asdict().items() if not name.endswith(("_ptr", "_edge", "task", "_legal"))
-    }
-    own = graphs.own_edge[rows]
-    picked |= {
-        "task_ptr": task_ptr, "peer_ptr": peer_ptr, "task": graphs.task[edges], "task_edge": graphs.task_edge[edges],
-        "task_legal": graphs.task_legal[edges], "peer_edge": graphs.peer_edge[peers],
-        "own_edge": np.where(own >= 0, own + shift, -1),
-    }  # fmt: skip
-    return RobotGraphs(**picked), shift
+    of_edges = dict.fromkeys(OF_TASKS, edges) | dict.fromkeys(OF_PEERS, peers)
+    picked = {name: array[of_edges.get(name, rows)] for name, array in graphs._asdict().items() if not name.endswith("_ptr")}
+    own = np.where(picked["own_edge"] >= 0, picked["own_edge"] + shift, -1)
+    return RobotGraphs(**picked | {"task_ptr": task_ptr, "peer_ptr": peer_ptr, "own_edge": own}), shift
 
 
 def _pick_edges(ptr, rows):

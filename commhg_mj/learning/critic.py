@@ -1,4 +1,7 @@
-"""The central critic: a graph over the full true state, four heads (paper, section III-D). Never used in execution."""
+"""Critics: the central one, a graph over the full true state with four heads (paper, section III-D). Never used in execution.
+
+A critic `reads` the true "state" of all, or the "local" graphs that the actors read, as IPPO's does.
+"""
 
 from typing import NamedTuple
 
@@ -19,11 +22,26 @@ class Agents(NamedTuple):
     agent: Tensor  # [n] i8 number within its role
 
 
+class Local(NamedTuple):
+    """What those whose values are asked for see, as tensors."""
+
+    robots: NamedTuple  # batches.RobotBatch
+    public: Tensor  # [tasks, PUBLIC.width]
+    operators: NamedTuple  # graphs.OperatorGraphs
+
+
+def judge_values(critic: nn.Module, states: States, robots: Agents, operators: Agents, local: Local) -> tuple[Tensor, Tensor]:
+    """(robots' [n, 2], operators' [k, 2]) values by what the critic reads; `local` has a row for each of them."""
+    return critic(*local) if critic.reads == "local" else critic(states, robots, operators)
+
+
 class Critic(nn.Module):
     """Values of both roles' agents, mission and coordination apart, in units of `ReturnScale`.
 
     A state is encoded once for all who decide in it; only what belongs to a deciding agent is done per decision.
     """
+
+    reads = "state"
 
     def __init__(self):
         super().__init__()
@@ -42,7 +60,7 @@ class Critic(nn.Module):
         tasks = (torch.relu(self.task(states.task)) * is_open).sum(dim=1) / count.clamp(min=1)
         tasks = self.tasks(tasks) * (count > 0).float()
         nodes = self.robot_node, self.operator_node
-        means = [node(_mean(agents)) for node, agents in zip(nodes, hidden)]
+        means = [node(mean_agents(agents)) for node, agents in zip(nodes, hidden)]
         context = torch.relu(self.context(torch.cat([*means, tasks, states.mission, count / states.task.shape[1]], dim=1)))
         values = self.robot_value, self.operator_value
         return tuple(
@@ -56,8 +74,8 @@ def pick_agents(agents: Tensor, at: Agents) -> Tensor:
     return agents.flatten(0, 1).index_select(0, at.state * agents.shape[1] + at.agent)
 
 
-def _mean(agents):
-    """Zeros where a mission has no operators."""
+def mean_agents(agents: Tensor) -> Tensor:
+    """[S, F] of agents [S, A, F]; zeros where a mission has none."""
     return agents.mean(dim=1) if agents.shape[1] else agents.new_zeros(len(agents), agents.shape[2])
 
 

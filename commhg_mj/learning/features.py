@@ -22,6 +22,7 @@ KINDS = {
 }
 FLAG, SIDE, LIMIT, VALUE, SHARE = "0 or 1", "map side", "time limit", "largest value", "0..1"
 SLACK = "tanh(s / 200 s)"
+SHORT, LONG = 30.0, 200.0  # s: ages enter as exp(-age / each)
 
 
 class Feature(NamedTuple):
@@ -170,6 +171,18 @@ PEER = Group(
     age("age", "its report", "age"),
 )
 
+PAST = Group(
+    "earlier report",
+    ("known", "known", "there is one", FLAG, "age"),
+    ("x", "belief", "where it was, east", SIDE, "x"),
+    ("y", "belief", "where it was, north", SIDE, "y"),
+    ("travelling", "belief", "it was on its way", FLAG, "activity"),
+    ("servicing", "belief", "it was at work", FLAG, "activity"),
+    ("controlled", "belief", "it was under control", FLAG, "mode"),
+    ("has_task", "belief", "it had a task", FLAG, "task"),
+    ("since", "age", "since then", "exp(-s / 200 s)", "age"),
+)
+
 RESOURCE = Group(
     "operator to robot",
     age("age", "its reply", "age"),
@@ -310,5 +323,5 @@ STATE_MISSION = Group(
 )
 
 GROUPS = (
-    ROBOT, PUBLIC, TASK_EDGE, PEER, RESOURCE, OPERATOR, REPORT, STATE_ROBOT, STATE_OPERATOR, STATE_TASK, STATE_MISSION,
+    ROBOT, PUBLIC, TASK_EDGE, PEER, PAST, RESOURCE, OPERATOR, REPORT, STATE_ROBOT, STATE_OPERATOR, STATE_TASK, STATE_MISSION,
 )  # fmt: skip

@@ -2,6 +2,7 @@
 
 Everything is scaled by the scenario's own side, limit and rules, so that one set of weights reads any scale. Edges are
 ragged: only released tasks that are not believed done, and peers that have been heard of. Unknown is a flag of its own.
+What few methods need beside it, they say in `Wants`.
 """
 
 from typing import NamedTuple
@@ -13,7 +14,8 @@ from ..base.terms import NOBODY, Activity, Embodiment, Mode, Session, Status
 from ..mission.batch import MissionBatch
 from ..mission.estimate import attempt, control_gain
 from ..mission.observe import Observations
-from .features import OPERATOR, PEER, PUBLIC, REPORT, RESOURCE, ROBOT, TASK_EDGE, columns_of
+from .features import LONG, OPERATOR, PEER, PUBLIC, REPORT, RESOURCE, ROBOT, SHORT, TASK_EDGE, columns_of
+from .memory import Memory, forget, recall
 
 UGV, DONE, SERVICED = int(Embodiment.UGV), int(Status.DONE), int(Status.SERVICED)
 TRAVELLING, SERVICING = int(Activity.TRAVELLING), int(Activity.SERVICING)
@@ -21,8 +23,17 @@ HANDOVER, CONTROLLED = int(Mode.HANDOVER), int(Mode.CONTROLLED)
 BID, HELD = int(Session.BID), int(Session.HELD)
 
 SCALE = record(side="f8", limit="f8", value="f8", speed="f8", bucket="f8", lease="f8", handover="f8", decay="f8")
-SHORT, LONG = 30.0, 200.0  # s: ages enter as exp(-age / each)
 MINUTE = 60.0  # s
+
+
+class Wants(NamedTuple):
+    """What a method's graphs hold beside what all get."""
+
+    every_record: bool = False  # unheard peers and reports, too: zeros, but for the public roster's embodiment
+    n_past: int = 0  # earlier reports of each robot that the actor has decided with
+
+
+NOTHING_MORE = Wants()
 
 
 class RobotGraphs(NamedTuple):
@@ -36,6 +47,9 @@ class RobotGraphs(NamedTuple):
     own_edge: np.ndarray  # [N] i8 edge of the held task, -1: none
     peer_ptr: np.ndarray  # [N + 1] i8
     peer_edge: np.ndarray  # [P, PEER.width] f4
+    peer: np.ndarray  # [P] i8 whose report it is
+    peer_task: np.ndarray  # [P] i8 the task that it names, -1: none
+    peer_past: np.ndarray  # [P, n_past, PAST.width] f4 the last reports, newest last
     resource: np.ndarray  # [N, H, RESOURCE.width] f4
     keep_idle: np.ndarray  # [N, 2] bool legal
     gate: np.ndarray  # [N] bool: a broadcast is open
@@ -54,15 +68,21 @@ class OperatorGraphs(NamedTuple):
     legal: np.ndarray  # [K, R] bool
     keep_rest: np.ndarray  # [K, 2] bool legal
     held: np.ndarray  # [K] i8 robot of the session, -1: none
+    past: np.ndarray  # [K, R, n_past, PAST.width] f4 the last reports, newest last
     mission: np.ndarray  # [K] i8
     operator: np.ndarray  # [K] i8
 
 
 class GraphBuilder:
-    """Turns observations of one batch's scenario into local graphs."""
+    """Turns observations of one batch's scenario into local graphs; what its actors remember is kept here.
 
-    def __init__(self, batch: MissionBatch):
+    Args:
+      wants: a method's.
+    """
+
+    def __init__(self, batch: MissionBatch, wants: Wants = NOTHING_MORE):
         scenario, rules = batch.scenario, batch.scenario.robots
+        self.wants, self.memory = wants, Memory(len(batch.seeds), scenario, wants.n_past)
         self.rules = batch.rules
         self.scale = np.zeros(1, SCALE)
         fastest = max(*rules.autonomous_speed, *rules.controlled_speed)
@@ -86,13 +106,16 @@ class GraphBuilder:
         graphs = RobotGraphs(
             ROBOT.zeros(n), np.zeros(n + 1, np.int64), np.empty(n * tasks, np.int64), TASK_EDGE.zeros(n * tasks),
             np.empty(n * tasks, bool), np.full(n, NOBODY), np.zeros(n + 1, np.int64), PEER.zeros(n * peers),
+            np.empty(n * peers, np.int64), np.empty(n * peers, np.int64), self.memory.room(n * peers),
             RESOURCE.zeros(n, operators), np.empty((n, 2), bool), np.empty(n, bool), np.empty((n, operators), bool),
             np.empty(n, bool), np.empty(n, np.int64), np.empty(n, np.int64),
         )  # fmt: skip
-        edges, peers = fill_robots(self.rules[0], self.scale[0], seen, graphs)
+        memory, every_record = self.memory.of_robots, self.wants.every_record
+        edges, peers = fill_robots(self.rules[0], self.scale[0], seen, graphs, memory, every_record)
         return graphs._replace(
             itself=columns_of(graphs.itself), task=graphs.task[:edges], task_edge=columns_of(graphs.task_edge[:edges]),
-            task_legal=graphs.task_legal[:edges], peer_edge=columns_of(graphs.peer_edge[:peers]),
+            task_legal=graphs.task_legal[:edges], peer_edge=columns_of(graphs.peer_edge[:peers]), peer=graphs.peer[:peers],
+            peer_task=graphs.peer_task[:peers], peer_past=columns_of(graphs.peer_past[:peers]),
             resource=columns_of(graphs.resource),
         )  # fmt: skip
 
@@ -101,10 +124,10 @@ class GraphBuilder:
         k, r = seen.operator_reports.shape
         graphs = OperatorGraphs(
             OPERATOR.zeros(k), REPORT.zeros(k, r), np.empty((k, r), bool), np.empty((k, r), bool), np.empty((k, 2), bool),
-            np.empty(k, np.int64), np.empty(k, np.int64), np.empty(k, np.int64),
+            np.empty(k, np.int64), self.memory.room(k, r), np.empty(k, np.int64), np.empty(k, np.int64),
         )  # fmt: skip
-        fill_operators(self.rules[0], self.scale[0], seen, graphs)
-        return graphs._replace(itself=columns_of(graphs.itself), report=columns_of(graphs.report))
+        fill_operators(self.rules[0], self.scale[0], seen, graphs, self.memory.of_operators, self.wants.every_record)
+        return graphs._replace(itself=columns_of(graphs.itself), report=columns_of(graphs.report), past=columns_of(graphs.past))
 
 
 @kernel
@@ -116,7 +139,7 @@ def age_features(age):
 
 
 @kernel
-def fill_robots(rules, scale, seen, graphs):
+def fill_robots(rules, scale, seen, graphs, memory, every_record):
     """Write the graphs of all due robots; returns (task edges, peer edges)."""
     edges, peers = 0, 0
     for i in range(seen.robots.shape[0]):
@@ -125,6 +148,8 @@ def fill_robots(rules, scale, seen, graphs):
         graphs.keep_idle[i, 0], graphs.keep_idle[i, 1] = robot.can_keep, robot.can_idle
         graphs.gate[i], graphs.assist[i] = robot.can_broadcast, robot.can_assist
         write_robot(scale, robot, graphs.itself[i])
+        if robot.time == 0.0:
+            forget(memory[robot.mission, robot.robot])
         for j in range(seen.robot_tasks.shape[1]):
             row = seen.robot_tasks[i, j]
             if row.released and row.status != DONE:
@@ -135,8 +160,11 @@ def fill_robots(rules, scale, seen, graphs):
                 edges += 1
         for other in range(seen.robot_peers.shape[1]):
             row = seen.robot_peers[i, other]
-            if row.age >= 0.0:
+            if row.age >= 0.0 or every_record and other != robot.robot:
                 write_peer(scale, robot, row, graphs.peer_edge[peers])
+                graphs.peer[peers], graphs.peer_task[peers] = other, row.task if row.age >= 0.0 else NOBODY
+                if row.age >= 0.0:
+                    recall(memory[robot.mission, robot.robot, other], row, robot.time, scale, graphs.peer_past[peers])
                 peers += 1
         for h in range(seen.robot_operators.shape[1]):
             row = seen.robot_operators[i, h]
@@ -190,6 +218,8 @@ def write_task_edge(rules, scale, robot, j, row, out):
 def write_peer(scale, robot, row, out):
     """A cached report of a peer."""
     out.is_ugv, out.is_uav = row.embodiment == UGV, row.embodiment != UGV
+    if row.age < 0.0:
+        return
     dx, dy = (row.x - robot.x) / scale.side, (row.y - robot.y) / scale.side
     out.dx, out.dy, out.distance = dx, dy, np.sqrt(dx * dx + dy * dy)
     out.idle, out.travelling, out.servicing = row.activity == 0, row.activity == TRAVELLING, row.activity == SERVICING
@@ -212,18 +242,23 @@ def write_resource(scale, robot, h, row, out):
 
 
 @kernel
-def fill_operators(rules, scale, seen, graphs):
+def fill_operators(rules, scale, seen, graphs, memory, every_record):
     """Write the graphs of all due operators."""
     for i in range(seen.operators.shape[0]):
         operator = seen.operators[i]
         graphs.mission[i], graphs.operator[i], graphs.held[i] = operator.mission, operator.operator, operator.robot
         graphs.keep_rest[i, 0], graphs.keep_rest[i, 1] = operator.can_keep, True
         write_operator(scale, operator, graphs.itself[i])
+        if operator.time == 0.0:
+            forget(memory[operator.mission, operator.operator])
         for r in range(seen.operator_reports.shape[1]):
             row = seen.operator_reports[i, r]
             graphs.known[i, r], graphs.legal[i, r] = row.age >= 0.0, row.legal
             if row.age >= 0.0:
                 write_report(rules, scale, operator, r, row, graphs.report[i, r])
+                recall(memory[operator.mission, operator.operator, r], row, operator.time, scale, graphs.past[i, r])
+            elif every_record:
+                graphs.report[i, r].is_ugv, graphs.report[i, r].is_uav = row.embodiment == UGV, row.embodiment != UGV
 
 
 @kernel

@@ -15,6 +15,7 @@ from ..base.terms import IDLE, KEEP, NOBODY
 from .noise import OPERATOR, ROBOT
 
 ILLEGAL = -1e9  # a masked logit
+LEFT_OUT = -60.0  # logit of a legal option that a method does not score: it is never drawn, and nobody learns from it
 STEP = 2.0**-10  # choices are made on logits rounded to this: far above float32's errors, far below what matters
 FIXED, GATE, ASSIST, QUERY, TASKS = 0, 2, 4, 8, 64  # first components of a robot's noise
 
@@ -142,6 +143,12 @@ def choose_robots(logits: RobotLogits, graphs, rng, is_greedy: bool) -> RobotCho
         wants = _coarse(logits.assist) + noise(each, ASSIST) - noise(each, ASSIST + 1) > 0.0
         assist = graphs.assist & (query == NOBODY) & wants
     return RobotChoices(task, gate, query, assist)
+
+
+def noisy_tasks(logits: RobotLogits, graphs, rng, is_greedy: bool) -> np.ndarray:
+    """[E] scores of task edges whose highest is a draw, or the best."""
+    rows = np.repeat(np.arange(len(graphs.itself)), np.diff(graphs.task_ptr))
+    return _coarse(logits.task) + _noise(rng, ROBOT, is_greedy)(rows, TASKS + graphs.task)
 
 
 def choose_operators(logits: Tensor, legal: np.ndarray, rng, is_greedy: bool) -> np.ndarray:

@@ -13,7 +13,7 @@ from .graphs import GraphBuilder
 from .noise import Draws
 from .rollout import Actors, unchanged
 
-# What an evaluation takes away from trained actors, to see what it was worth.
+# What an evaluation takes away from trained actors, to see what it was worth; who follows the schedule asks by it, or never.
 VARIANTS = {
     "no-query": lambda logits: logits._replace(query=None),
     "random-gates": lambda logits: logits._replace(gate=torch.zeros(len(logits.keep_idle))),
@@ -47,10 +47,10 @@ class LearnedPolicy:
         instance("batch", batch, MissionBatch)
         if not isinstance(variant, str) or variant:
             one_of("variant", variant, list(VARIANTS))
-        if variant and not method.communicates:
+        if variant == "random-gates" and not method.communicates:
             raise ValueError(f"{method.name}+{variant}: {method.name} follows the fixed schedule, it has no such head")
-        self.builder = GraphBuilder(batch)
-        self.actors, self.is_greedy = Actors(method, self.builder, VARIANTS.get(variant, unchanged)), flag("is_greedy", is_greedy)
+        self.builder, self.is_greedy = GraphBuilder(batch, method.wants), flag("is_greedy", is_greedy)
+        self.actors = Actors(method, self.builder, VARIANTS.get(variant, unchanged), asks=variant != "no-query")
         self.public = self.builder.public(batch.state.tasks)
         self.seeds = np.array(batch.seeds, np.uint64)
 

@@ -2,7 +2,7 @@
 
 from copy import deepcopy
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 import torch
@@ -10,15 +10,38 @@ from torch import nn
 
 from ..base.arguments import number, one_of, positive, whole
 from .batches import legal_picks, operator_batch, pick_robots, robot_batch
-from .critic import Agents
+from .critic import Agents, Local, judge_values
 from .distributed import ALONE, ProcessGroup
-from .heads import RobotChoices, judge_operators, judge_robots, tensors_of
+from .heads import LEFT_OUT, Likelihood, RobotChoices, judge_operators, judge_robots, tensors_of
 from .rollout import Experience
 from .states import States
 
 # What an update is for: to imitate the choices remembered, to learn their values alone, or to choose better than they did.
 Aim = Literal["clone", "value", "improve"]
 MOST_WEIGHT = 1e6  # of a part of the loss
+OUT_OF_REACH = 0.75 * LEFT_OUT  # log-probability below which a teacher's choice is one that the method cannot make
+
+
+class Role(NamedTuple):
+    """What all decisions of one role have earned."""
+
+    advantage: torch.Tensor  # [N] normalised
+    log_prob: torch.Tensor  # [N] of the choices as they were made
+    returns: torch.Tensor  # [N, 2]
+    n_free: float  # decisions with a choice in a mean minibatch
+    n: float  # decisions in a mean minibatch
+
+
+class Minibatch(NamedTuple):
+    """What is known of all decisions that were made in some states, as tensors."""
+
+    rows: tuple[np.ndarray, np.ndarray]  # of the experience: robots', operators'
+    local: Local
+    choices: RobotChoices
+    picks: torch.Tensor  # [K] operators' choices
+    states: States
+    robot_agents: Agents
+    operator_agents: Agents
 
 
 @dataclass(frozen=True)
@@ -91,7 +114,7 @@ class Learner:
     def update(self, data: Experience, rng, aim: Aim = "improve") -> dict:
         """Some epochs over the experience."""
         scale = self.method.scale
-        for role, returns in enumerate((data.robot_return, data.operator_return)):
+        for role, returns in enumerate(data.returns):
             scale.update(role, self._tensor(returns).float())
         self.group.average(list(scale.buffers()))
         stats = list(self._steps(data, rng, aim))
@@ -101,17 +124,21 @@ class Learner:
 
     def _steps(self, data, rng, aim):
         hyper = self.hyper
-        advantages = [self._tensor(_normal(a.sum(axis=1))) for a in (data.robot_advantage, data.operator_advantage)]
-        old = [self._tensor(log_prob) for log_prob in (data.robot_log_prob, data.operator_log_prob)]
         # Nobody decides in some states; a minibatch of nobody teaches nothing.
         alive = np.union1d(data.robot_state, data.operator_state)
         minibatches = self.group.least(min(hyper.minibatches, len(alive)))
+        roles = [self._role(*of, minibatches) for of in zip(data.advantages, data.free, data.log_probs, data.returns)]
         for _ in range(hyper.epochs):
             for states in np.array_split(rng.permutation(alive), minibatches):
-                stats = self._step(data, np.sort(states), advantages, old, aim)
+                stats = self._step(self.minibatch(data, np.sort(states)), roles, aim, rng)
                 yield stats
                 if stats["kl"] > hyper.target_kl:
                     return
+
+    def _role(self, advantage, free, log_prob, returns, minibatches):
+        advantage = self._tensor(_normal(advantage.sum(axis=1), free))
+        counts = free.sum() / minibatches, len(free) / minibatches
+        return Role(advantage, self._tensor(log_prob), self._tensor(returns).float(), *counts)
 
     def _tensor(self, array):
         return torch.from_numpy(array).to(self.device)
@@ -120,35 +147,65 @@ class Learner:
         """A named tuple of tensors, on the device."""
         return columns._make(column.to(self.device) for column in columns)
 
-    def _step(self, data, states, advantages, old, aim):
+    def minibatch(self, data: Experience, states: np.ndarray) -> Minibatch:
+        """All decisions that were made in some rising states."""
+        rows = robots, operators = _rows_in(data.robot_state, states), _rows_in(data.operator_state, states)
+        graphs, shift = pick_robots(data.robots, robots)
+        # Only the worlds of the minibatch are encoded.
+        worlds, index = np.unique(graphs.mission, return_inverse=True)
+        batch = self._tensors(robot_batch(graphs._replace(mission=index), data.public.shape[1]))
+        public = self._tensor(data.public[worlds].reshape(-1, data.public.shape[2]))
+        task, *others = (column[robots] for column in data.robot_choices)
+        choices = RobotChoices(np.where(task >= 0, task + shift, task), *others)
+        at = (data.robot_state, data.robots.robot, robots), (data.operator_state, data.operators.operator, operators)
+        return Minibatch(
+            rows, Local(batch, public, self._tensors(operator_batch(data.operators, operators))),
+            self._tensors(tensors_of(choices)), self._tensor(data.operator_choices[operators]),
+            States(*(self._tensor(array[states]) for array in data.states)),
+            *(Agents(self._tensor(np.searchsorted(states, state[mine])), self._tensor(agent[mine])) for state, agent, mine in at),
+        )  # fmt: skip
+
+    def judge(self, batch: Minibatch, aim: Aim = "improve") -> list[Likelihood]:
+        """How likely the actors find the choices that were made: robots', then operators'."""
+        robots, public, operators = batch.local
+        logits = self.method.robot(robots, public)
+        # A teacher asks by a fixed rule, or never: from it nobody learns when to.
+        logits = logits._replace(query=None) if aim == "clone" else logits
+        picks = judge_operators(self.method.operator(operators), legal_picks(operators), batch.picks)
+        return [judge_robots(logits, robots, batch.choices), picks]
+
+    def _step(self, batch, roles, aim, rng):
         hyper, method = self.hyper, self.method
-        robots, operators = _rows_in(data.robot_state, states), _rows_in(data.operator_state, states)
-        new = [] if aim == "value" else [self._judge_robots(data, robots, aim), self._judge_operators(data, operators)]
-        losses, entropies, kls = [], [], []
-        for role, (rows, now) in enumerate(zip((robots, operators), new)):
-            free = now.is_free
-            if not free.any():
-                continue
-            if aim == "clone":
-                losses.append(-now.log_prob[free].mean())
-            else:
-                advantage = advantages[role][rows][free]
-                log_ratio = now.log_prob[free] - old[role][rows][free]
-                ratio = log_ratio.exp()
-                clipped = ratio.clamp(1.0 - hyper.clip, 1.0 + hyper.clip)
-                losses.append(-torch.min(ratio * advantage, clipped * advantage).mean())
-                kls.append((ratio - 1.0 - log_ratio).detach().mean())
-            entropies.append(now.entropy[free].mean())
-        value_loss = self._value_loss(data, states, robots, operators)
-        policy_loss, entropy = _mean(losses), _mean(entropies)
-        loss = policy_loss - hyper.entropy * entropy + hyper.value * value_loss
+        judged = [] if aim == "value" else self.judge(batch, aim)
+        parts = [self._policy_loss(*of, aim) for of in zip(roles, batch.rows, judged)]
+        policy_loss, entropy, kl = (_mean(column) for column in zip(*filter(None, parts))) if any(parts) else (_mean([]),) * 3
+        value_loss = self._value_loss(batch, roles)
+        auxiliary = None if aim == "value" else method.auxiliary(batch, batch.states, rng)
+        loss = policy_loss - hyper.entropy * entropy + hyper.value * value_loss + (0.0 if auxiliary is None else auxiliary)
         self.optimizer.zero_grad()
         loss.backward()
-        stats = torch.stack([part.detach().cpu() for part in (policy_loss, value_loss, entropy, _mean(kls))])
+        stats = torch.stack([part.detach().cpu() for part in (policy_loss, value_loss, entropy, kl)])
         self._share_gradients(stats)
         norm = nn.utils.clip_grad_norm_(method.parameters(), hyper.max_grad)
         self.optimizer.step()
         return dict(zip(("policy_loss", "value_loss", "entropy", "kl"), stats.tolist())) | {"grad_norm": norm.item()}
+
+    def _policy_loss(self, role, rows, now, aim):
+        """(loss, relative entropy, KL) of one role; nothing if it had no choice in the whole experience.
+
+        Sums over free decisions by how many a minibatch holds in the mean, so that where there are few each counts no more.
+        """
+        if not role.n_free:
+            return ()
+        free, n, clip = now.is_free, role.n_free, self.hyper.clip
+        entropy = now.entropy[free].sum() / n
+        if aim == "clone":
+            return -now.log_prob[free & (now.log_prob > OUT_OF_REACH)].sum() / n, entropy, torch.zeros(())
+        advantage = role.advantage[rows][free]
+        log_ratio = now.log_prob[free] - role.log_prob[rows][free]
+        ratio = log_ratio.exp()
+        gain = torch.min(ratio * advantage, ratio.clamp(1.0 - clip, 1.0 + clip) * advantage)
+        return -gain.sum() / n, entropy, (ratio - 1.0 - log_ratio).detach().sum() / n
 
     def _share_gradients(self, stats):
         """The group's mean of gradients and statistics; what one process had no use for, another may have."""
@@ -163,35 +220,14 @@ class Learner:
             if not parameter.grad.any():  # to Adam a gradient of zero is not the same as none
                 parameter.grad = None
 
-    def _value_loss(self, data, states, robots, operators):
-        method = self.method
-        at = (data.robot_state, data.robots.robot, robots), (data.operator_state, data.operators.operator, operators)
-        asked = [
-            Agents(self._tensor(np.searchsorted(states, state[rows])), self._tensor(agent[rows])) for state, agent, rows in at
-        ]
-        values = method.critic(States(*(self._tensor(array[states]) for array in data.states)), *asked)
+    def _value_loss(self, batch, roles):
+        values = judge_values(self.method.critic, batch.states, batch.robot_agents, batch.operator_agents, batch.local)
         losses = []
-        for role, (returns, rows) in enumerate(((data.robot_return, robots), (data.operator_return, operators))):
-            if len(rows):
-                target = method.scale.normal(role, self._tensor(returns[rows]).float())
-                losses.append(((values[role] - target) ** 2).mean())
+        for i, (role, rows) in enumerate(zip(roles, batch.rows)):
+            if role.n:
+                error = values[i] - self.method.scale.normal(i, role.returns[rows])
+                losses.append((error**2).mean(dim=1).sum() / role.n)
         return _mean(losses)
-
-    def _judge_robots(self, data, rows, aim):
-        graphs, shift = pick_robots(data.robots, rows)
-        # Only the worlds of the minibatch are encoded.
-        worlds, index = np.unique(graphs.mission, return_inverse=True)
-        batch = self._tensors(robot_batch(graphs._replace(mission=index), data.public.shape[1]))
-        public = self._tensor(data.public[worlds].reshape(-1, data.public.shape[2]))
-        task, *others = (column[rows] for column in data.robot_choices)
-        choices = self._tensors(tensors_of(RobotChoices(np.where(task >= 0, task + shift, task), *others)))
-        logits = self.method.robot(batch, public)
-        # The teacher never asks: from it nobody learns when to.
-        return judge_robots(logits._replace(query=None) if aim == "clone" else logits, batch, choices)
-
-    def _judge_operators(self, data, rows):
-        graphs, choices = self._tensors(operator_batch(data.operators, rows)), self._tensor(data.operator_choices[rows])
-        return judge_operators(self.method.operator(graphs), legal_picks(graphs), choices)
 
 
 def _rows_in(state_of, states):
@@ -204,7 +240,9 @@ def _mean(losses):
     return torch.stack(losses).mean() if losses else torch.zeros(())
 
 
-def _normal(advantage):
-    if not len(advantage):  # nobody of this role
-        return np.zeros(0, np.float32)
-    return ((advantage - advantage.mean()) / (advantage.std() + 1e-8)).astype(np.float32)
+def _normal(advantage, free):
+    """Zero mean and unit spread among those who had a choice; the others learn nothing from theirs."""
+    if not free.any():
+        return np.zeros(len(advantage), np.float32)
+    kept = advantage[free]
+    return ((advantage - kept.mean()) / (kept.std() + 1e-8)).astype(np.float32)

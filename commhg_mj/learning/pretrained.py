@@ -2,10 +2,11 @@
 
 import hashlib
 import os
+from collections.abc import Callable
 from functools import lru_cache, partial
 from pathlib import Path
 
-from ..policies import SOURCES, PolicyInfo, Source
+from ..policies import SOURCES, PolicyInfo, Source, as_it_is
 from ..scenarios import SCENARIOS, Scenario
 
 WEIGHTS = Path(__file__).parent / "trained"  # <method>-<scenario>.safetensors
@@ -23,10 +24,9 @@ def find_learned(name: str) -> PolicyInfo | None:
     """
     base, variant = split_variant(name)
     if base.endswith(ENDING):
-        _load(base)
-        return PolicyInfo(partial(_fly_weights, base, variant))
+        return PolicyInfo(partial(_fly_weights, base, variant), flown_in=_conditions(_load(base)))
     if base in trained_methods():
-        return PolicyInfo(partial(_fly_trained, base, variant))
+        return PolicyInfo(partial(_fly_trained, base, variant), flown_in=_conditions(_find_method(base)))
     if base in RETIRED:
         raise ValueError(
             f"{base}: its weights were trained under older rules and are retired until they are trained anew; train some with "
@@ -77,6 +77,19 @@ def _fly_weights(path, variant, batch):
     from .learned_policy import LearnedPolicy
 
     return LearnedPolicy(_load(path), batch, variant=variant)
+
+
+def _conditions(method) -> Callable[[Scenario], Scenario]:
+    """The scenario that a method flies in when another is asked for."""
+    from .first_targets import without_initializer
+
+    return without_initializer if method.picks_first else as_it_is
+
+
+def _find_method(name):
+    from .registry import find_method
+
+    return find_method(name)
 
 
 def _load(path):

@@ -3,15 +3,64 @@
 import importlib
 import pkgutil
 from collections.abc import Callable
+from typing import NamedTuple
+
+from torch import Tensor, nn
 
 from ..base.registries import Registry
 from . import methods
+from .critic import ReturnScale
+from .graphs import NOTHING_MORE
 
 METHODS = Registry("method", "commhg_mj.methods", adopt=lambda name, cls: method(name)(cls))
 
 
+class About(NamedTuple):
+    """A method in the table of methods (docs/learning.md), in words."""
+
+    source: str = ""  # where it comes from
+    reads: str = ""  # what its actors read
+    relations: str = ""  # along which messages or attention pass
+    heads: str = ""  # what its robots decide beside their task
+    critic: str = ""  # what its critic reads
+    inferred: str = ""  # what is ours, since no source says it or our missions need it otherwise
+
+
+class Method(nn.Module):
+    """What every learned method has. A subclass names its networks, and changes what it needs otherwise.
+
+    Args:
+      robot: (`batches.RobotBatch`, public table) -> `heads.RobotLogits`.
+      operator: `OperatorGraphs` of tensors -> [K, 2 + R] logits of KEEP, REST and the robots.
+      critic: values; see learning/critic.py for what it may read.
+
+    Attributes:
+      communicates: broadcasts, queries and requests are the heads' to choose; otherwise the fixed schedule does.
+      picks_first: its robots choose their first targets at t = 0, one after the other; otherwise the initializer does.
+      wants: what its graphs hold beside what all get.
+    """
+
+    communicates = False
+    picks_first = False
+    wants = NOTHING_MORE
+    about = About()
+
+    def __init__(self, robot: nn.Module, operator: nn.Module, critic: nn.Module):
+        super().__init__()
+        self.robot, self.operator, self.critic, self.scale = robot, operator, critic, ReturnScale()
+
+    def auxiliary(self, decided, truth, rng) -> Tensor | None:
+        """A further loss of a minibatch, learned from the true state in training alone; None: there is none.
+
+        Args:
+          decided: `ppo.Minibatch`, what its actors saw. truth: `States` of tensors that `decided` has rows of.
+          rng: numpy Generator for noise.
+        """
+        return None
+
+
 def method(name: str) -> Callable[[type], type]:
-    """Register the decorated class: a module with `robot`, `operator`, `critic`, `scale` and `communicates`."""
+    """Register the decorated class, a `Method` that is made without arguments."""
 
     def register(cls):
         METHODS[name] = cls

@@ -5,18 +5,30 @@ from typing import NamedTuple
 import numpy as np
 import torch
 
-from ..base.terms import KEEP, REST
+from ..base.terms import KEEP, REST, Activity
 from ..mission.batch import MissionBatch
 from ..mission.decide import Decisions
 from ..policies.schedule import follow_schedule
 from .advantage import estimate_advantages
-from .batches import RobotBatch, join_operators, join_robots, legal_picks, operator_batch, robot_batch
-from .critic import Agents
+from .batches import RobotBatch, join_operators, join_robots, legal_picks, operator_batch, pick_robots, robot_batch
+from .critic import N_PARTS, Agents, Local, judge_values
+from .first_targets import assign, beginners, take_turns
 from .graphs import GraphBuilder, OperatorGraphs, RobotGraphs
-from .heads import RobotChoices, RobotLogits, choose_operators, choose_robots, judge_operators, judge_robots, tensors_of
+from .heads import (
+    Likelihood,
+    RobotChoices,
+    RobotLogits,
+    choose_operators,
+    choose_robots,
+    judge_operators,
+    judge_robots,
+    noisy_tasks,
+    tensors_of,
+)
 from .states import States, read_states
 
 VALUE_CHUNK = 2048  # states
+FAILED = int(Activity.FAILED)
 
 
 class Experience(NamedTuple):
@@ -28,14 +40,13 @@ class Experience(NamedTuple):
     public: np.ndarray  # [worlds, T, PUBLIC.width]
     robot_choices: RobotChoices
     operator_choices: np.ndarray  # [K] i8
-    robot_log_prob: np.ndarray  # [N] f4 of the choices as they were made
-    operator_log_prob: np.ndarray  # [K] f4
     robot_state: np.ndarray  # [N] i8 rising
     operator_state: np.ndarray  # [K] i8 rising
-    robot_advantage: np.ndarray  # [N, 2] mission, coordination
-    operator_advantage: np.ndarray  # [K, 2]
-    robot_return: np.ndarray  # [N, 2]
-    operator_return: np.ndarray  # [K, 2]
+    # Robots', then operators'.
+    log_probs: tuple[np.ndarray, np.ndarray]  # [N], [K] f4 of the choices as they were made
+    free: tuple[np.ndarray, np.ndarray]  # [N], [K] bool: there was a choice
+    advantages: tuple[np.ndarray, np.ndarray]  # [N, 2], [K, 2] mission, coordination
+    returns: tuple[np.ndarray, np.ndarray]  # [N, 2], [K, 2]
 
 
 class Decided(NamedTuple):
@@ -45,9 +56,13 @@ class Decided(NamedTuple):
     operators: OperatorGraphs
     choices: RobotChoices
     picks: np.ndarray  # [K] i8 operators' choices
-    robot_log_prob: np.ndarray  # [N] f4
-    operator_log_prob: np.ndarray  # [K] f4
+    log_probs: tuple[np.ndarray, np.ndarray]  # [N], [K] f4 of the choices; empty where nobody asked
+    free: tuple[np.ndarray, np.ndarray]  # [N], [K] bool: there was a choice; likewise
     decisions: Decisions
+
+
+NO_CHOICES = RobotChoices(*(np.zeros(0, kind) for kind in (int, bool, int, bool)))
+NOT_ASKED = np.zeros(0, np.float32), np.zeros(0, bool)
 
 
 def unchanged(logits) -> RobotLogits:
@@ -59,10 +74,11 @@ class Actors:
 
     Args:
       change: RobotLogits -> RobotLogits, for policies that are to lack something.
+      asks: the fixed schedule's queries, for methods that follow it.
     """
 
-    def __init__(self, method, builder: GraphBuilder, change=unchanged):
-        self.method, self.builder, self.change = method, builder, change
+    def __init__(self, method, builder: GraphBuilder, change=unchanged, asks=True):
+        self.method, self.builder, self.change, self.asks = method, builder, change, asks
 
     def score(self, robots: RobotGraphs, public) -> tuple[RobotBatch, RobotLogits]:
         """(the graphs as tensors, what the actor says of them)."""
@@ -70,42 +86,51 @@ class Actors:
         return batch, self.change(self.method.robot(batch, torch.from_numpy(public.reshape(-1, public.shape[2]))))
 
     @torch.no_grad()
-    def decide(self, seen, public, rng, is_greedy=False, is_learning=False) -> Decided:
-        """Choices drawn from the actors, or their best.
+    def decide(self, seen, public, rng, is_greedy=False, is_learning=False, teacher=None) -> Decided:
+        """Choices drawn from the actors, or their best, or a teacher policy's as if the actors had made them.
 
         Args:
           public: [worlds, T, PUBLIC.width]; `seen`'s missions are its rows.
-          is_learning: the choices' likelihoods will be asked for; 0 otherwise.
+          is_learning: the choices' likelihoods will be asked for.
         """
         robots, operators = self.builder.robots(seen), self.builder.operators(seen)
-        choices, picks = RobotChoices(*(np.zeros(0, kind) for kind in (int, bool, int, bool))), np.zeros(0, np.int64)
-        robot_log_prob, operator_log_prob = unasked(robots, operators)
-        if len(robots.itself):
-            batch, logits = self.score(robots, public)
-            choices = choose_robots(logits, robots, rng, is_greedy)
-            if is_learning:
-                robot_log_prob = judge_robots(logits, batch, tensors_of(choices)).log_prob.numpy()
-        if len(operators.itself):
-            batch = operator_batch(operators)
-            logits, legal = self.method.operator(batch), legal_picks(batch)
-            picks = choose_operators(logits, legal.numpy(), rng, is_greedy)
-            if is_learning:
-                operator_log_prob = judge_operators(logits, legal, torch.from_numpy(picks)).log_prob.numpy()
-        decisions = to_decisions(robots, choices, picks)
+        taught = from_decisions(robots, operators, decisions := teacher(seen)) if teacher else (None, None)
+        robots, choices, robots_judged = self._decide_robots(robots, public, rng, is_greedy, is_learning, taught[0])
+        picks, operators_judged = self._decide_operators(operators, rng, is_greedy, is_learning, taught[1])
+        if not teacher or self.method.picks_first:
+            decisions = to_decisions(robots, choices, picks)
         if not self.method.communicates:
-            follow_schedule(seen, decisions)
-        return Decided(robots, operators, choices, picks, robot_log_prob, operator_log_prob, decisions)
+            follow_schedule(seen, decisions, self.asks)
+        return Decided(robots, operators, choices, picks, *zip(robots_judged, operators_judged), decisions)
 
-    def follow(self, seen, teacher) -> Decided:
-        """A teacher policy's decisions as if the actors had made them; their likelihood is not asked for."""
-        robots, operators, decisions = self.builder.robots(seen), self.builder.operators(seen), teacher(seen)
-        choices, picks = from_decisions(robots, operators, decisions)
-        return Decided(robots, operators, choices, picks, *unasked(robots, operators), decisions)
+    def _decide_robots(self, robots, public, rng, is_greedy, is_learning, taught):
+        """(graphs with what was open to them, choices, (likelihoods, whether there was a choice))."""
+        if not len(robots.itself):
+            return robots, NO_CHOICES, NOT_ASKED
+        batch, logits = self.score(robots, public)
+        first = None
+        if self.method.picks_first and len(beginners(robots)):
+            robots, first = take_turns(robots, assign(robots) if taught else noisy_tasks(logits, robots, rng, is_greedy))
+            masks = torch.from_numpy(robots.task_legal), torch.from_numpy(robots.keep_idle)
+            batch = batch._replace(task_legal=masks[0], keep_idle=masks[1])
+        choices = taught or choose_robots(logits, robots, rng, is_greedy)
+        if first is not None:
+            choices.task[beginners(robots)] = first
+        return robots, choices, judged(judge_robots(logits, batch, tensors_of(choices))) if is_learning else NOT_ASKED
+
+    def _decide_operators(self, operators, rng, is_greedy, is_learning, taught):
+        """(choices, (likelihoods, whether there was a choice))."""
+        if not len(operators.itself):
+            return np.zeros(0, np.int64), NOT_ASKED
+        batch = operator_batch(operators)
+        logits, legal = self.method.operator(batch), legal_picks(batch)
+        picks = choose_operators(logits, legal.numpy(), rng, is_greedy) if taught is None else taught
+        return picks, judged(judge_operators(logits, legal, torch.from_numpy(picks))) if is_learning else NOT_ASKED
 
 
-def unasked(*graphs) -> list[np.ndarray]:
-    """Zeros in place of likelihoods."""
-    return [np.zeros(len(part.itself), np.float32) for part in graphs]
+def judged(likelihood: Likelihood) -> tuple[np.ndarray, np.ndarray]:
+    """(log-probabilities, whether there was a choice)."""
+    return likelihood.log_prob.numpy(), likelihood.is_free.numpy()
 
 
 def to_decisions(robots: RobotGraphs, choices: RobotChoices, operator_choices) -> Decisions:
@@ -134,14 +159,17 @@ class Collector:
         self.scores = []  # TWCR of missions that have ended
 
     def _fly(self, batch):
-        self.batch, self.builder = batch, GraphBuilder(batch)
+        self.batch, self.builder = batch, GraphBuilder(batch, self.method.wants)
         self.actors = Actors(self.method, self.builder)
         self.public = self.builder.public(batch.state.tasks)
 
     def state_dict(self) -> dict:
         """Missions under way, as tensors and numbers."""
         arrays = {name: torch.from_numpy(array.view(np.uint8).copy()) for name, array in self.batch.state._asdict().items()}
-        return {"seeds": self.batch.seeds, "next_seed": self.next_seed, "arrays": arrays, "scores": self.scores}
+        memory = [torch.from_numpy(columns.copy()) for columns in self.builder.memory.columns()]
+        return {
+            "seeds": self.batch.seeds, "next_seed": self.next_seed, "arrays": arrays, "memory": memory, "scores": self.scores,
+        }  # fmt: skip
 
     def load_state_dict(self, state: dict) -> None:
         """Go on where another collector of the same options stood."""
@@ -151,6 +179,8 @@ class Collector:
         batch.restore({name: tensor.numpy().view(kinds[name].dtype) for name, tensor in state["arrays"].items()})
         self.next_seed, self.scores = state["next_seed"], state["scores"]
         self._fly(batch)
+        for columns, tensor in zip(self.builder.memory.columns(), state["memory"]):
+            columns[:] = tensor.numpy()
 
     def collect(self, n_decisions: int, critic, scale, gamma, lam, trace="decision", teacher=None) -> Experience:
         """At least so many robot decisions; a `teacher` policy may make them, whose choices are then remembered."""
@@ -170,8 +200,7 @@ class Collector:
                 world_of[e] = sum(map(len, worlds))
                 worlds.append(self.public[e : e + 1].copy())
             time[over] = 0.0
-            actors = self.actors
-            decided = actors.follow(seen, teacher) if teacher else actors.decide(seen, self.public, self.rng, is_learning=True)
+            decided = self.actors.decide(seen, self.public, self.rng, is_learning=True, teacher=teacher)
             robots, operators = decided.robots, decided.operators
             missions = np.flatnonzero(~over)
             state_of = np.cumsum(~over) - 1
@@ -192,7 +221,8 @@ class Collector:
         operator_state = np.concatenate([part + start for part, start in zip(operators_in, starts)])
         joined = States(*(np.concatenate(arrays) for arrays in zip(*states)))
         robots, operators = join_robots(decided.robots), join_operators(decided.operators)
-        values = value_states(critic, scale, joined, (robot_state, robots.robot), (operator_state, operators.operator))
+        agents = (robot_state, robots.robot), (operator_state, operators.operator)
+        values = value_agents(critic, scale, joined, *agents, robots, operators, public)
         n_robots = [len(part.itself) for part in decided.robots]
         cuts = np.cumsum(n_robots)[:-1], np.cumsum([len(part.itself) for part in decided.operators])[:-1]
         both = [np.concatenate(pair) for pair in zip(*map(np.split, values, cuts))]  # by step
@@ -200,19 +230,44 @@ class Collector:
         last = self._last_values(critic, scale)
         parts = estimate_advantages(both, rows, np.array(rewards), np.array(elapsed), np.array(over), last, *fading)
         advantages = [np.concatenate(role) for role in zip(*((part[:n], part[n:]) for part, n in zip(parts, n_robots)))]
+        log_probs, free = (tuple(map(np.concatenate, zip(*columns))) for columns in (decided.log_probs, decided.free))
         return Experience(
             joined, robots, operators, public, join_choices(decided.robots, decided.choices), np.concatenate(decided.picks),
-            np.concatenate(decided.robot_log_prob), np.concatenate(decided.operator_log_prob), robot_state, operator_state,
-            *advantages, *(advantage + value for advantage, value in zip(advantages, values)),
+            robot_state, operator_state, log_probs, free, advantages,
+            tuple(advantage + value for advantage, value in zip(advantages, values)),
         )  # fmt: skip
 
     def _last_values(self, critic, scale):
-        """[E, agents, 2] after the last step; 0 where a mission is over."""
-        batch, scenario = self.batch, self.batch.scenario
-        n = len(batch.seeds)
-        everyone = [tuple(np.divmod(np.arange(n * k), max(k, 1))) for k in (scenario.n_robots, scenario.n_operators)]
-        values = value_states(critic, scale, read_states(batch, self.builder.scale[0], np.arange(n)), *everyone)
-        return np.concatenate([value.reshape(n, -1, 2) for value in values], axis=1) * ~batch.over[:, None, None]
+        """[E, agents, 2] after the last step; 0 where a mission is over.
+
+        A failed robot decides no more, so that nobody learns what it is worth; but it shares its team's reward. The mean of
+        those that fly stands for it.
+        """
+        batch, builder = self.batch, self.builder
+        seen, e = batch.observe_everyone(), np.arange(len(batch.seeds))
+        robots, operators = builder.robots(seen), builder.operators(seen)
+        agents = (robots.mission, robots.robot), (operators.mission, operators.operator)
+        states = read_states(batch, builder.scale[0], e)
+        values = value_agents(critic, scale, states, *agents, robots, operators, self.public)
+        last = [np.zeros((len(e), n, N_PARTS)) for n in (batch.scenario.n_robots, batch.scenario.n_operators)]
+        for table, at, value in zip(last, agents, values):
+            table[at] = value
+        flies = (batch.state.robots["activity"] != FAILED)[..., None]
+        mean = (last[0] * flies).sum(axis=1, keepdims=True) / np.maximum(1, flies.sum(axis=1, keepdims=True))
+        last[0] = np.where(flies, last[0], mean * ~batch.over[:, None, None])
+        return np.concatenate(last, axis=1)
+
+
+def change_rate(data: Experience) -> float:
+    """Share of the robots' decisions that left a task which could be kept, where there was another choice.
+
+    Of a method that keeps unless it is triggered, how often it is.
+    """
+    graphs = data.robots
+    rows = np.repeat(np.arange(len(graphs.itself)), np.diff(graphs.task_ptr))
+    others = graphs.keep_idle[:, 1] | (np.bincount(rows[graphs.task_legal], minlength=len(graphs.itself)) > 0)
+    is_open = graphs.keep_idle[:, 0] & others
+    return float(np.mean(data.robot_choices.task[is_open] != KEEP)) if is_open.any() else 0.0
 
 
 def from_decisions(robots: RobotGraphs, operators: OperatorGraphs, decisions: Decisions) -> tuple:
@@ -236,14 +291,24 @@ def join_choices(robots: list[RobotGraphs], choices: list[RobotChoices]) -> Robo
 
 
 @torch.no_grad()
-def value_states(critic, scale, states: States, robots, operators) -> tuple[np.ndarray, np.ndarray]:
-    """(robots' [n, 2], operators' [k, 2]) values in units of reward, of agents given as (rising state, number)."""
+def value_agents(critic, scale, states: States, robots_at, operators_at, robots, operators, public) -> list[np.ndarray]:
+    """[robots' [n, 2], operators' [k, 2]] values in units of reward.
+
+    Args:
+      robots_at, operators_at: (rising state, number) of each agent, who has a row in `robots` or `operators`.
+      public: [worlds, T, PUBLIC.width], which `robots.mission` is a row of.
+    """
     parts = []
     for start in range(0, len(states.robot), VALUE_CHUNK):
-        chunk = States(*(torch.from_numpy(array[start : start + VALUE_CHUNK]) for array in states))
-        asked = []
-        for state, agent in (robots, operators):
-            rows = slice(*np.searchsorted(state, [start, start + VALUE_CHUNK]))
-            asked.append(Agents(torch.from_numpy(state[rows] - start), torch.from_numpy(agent[rows])))
-        parts.append([scale.real(role, values).numpy() for role, values in enumerate(critic(chunk, *asked))])
-    return tuple(np.concatenate(columns) for columns in zip(*parts))
+        chunk, asked, rows = States(*(torch.from_numpy(array[start : start + VALUE_CHUNK]) for array in states)), [], []
+        for state, agent in (robots_at, operators_at):
+            mine = np.arange(*np.searchsorted(state, [start, start + VALUE_CHUNK]))
+            asked.append(Agents(torch.from_numpy(state[mine] - start), torch.from_numpy(agent[mine])))
+            rows.append(mine)
+        local = Local(
+            robot_batch(pick_robots(robots, rows[0])[0], public.shape[1]), torch.from_numpy(public.reshape(-1, public.shape[2])),
+            operator_batch(operators, rows[1]),
+        ) if critic.reads == "local" else None  # fmt: skip
+        values = judge_values(critic, chunk, *asked, local)
+        parts.append([scale.real(role, value).numpy() for role, value in enumerate(values)])
+    return [np.concatenate(columns) for columns in zip(*parts)]

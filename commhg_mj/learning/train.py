@@ -19,15 +19,16 @@ from ..radio import DEFAULT_LINKS
 from ..scenarios import Scenario, from_json, to_json
 from .critic import ReturnScale
 from .distributed import ALONE, ProcessGroup, WorkerEnded
+from .first_targets import without_initializer
 from .ppo import Aim, Hyper, Learner, check_device
 from .registry import find_method
-from .rollout import Collector
+from .rollout import Collector, change_rate
 from .run_log import Log
 from .validation import Validation
 from .weights import load_weights, save_weights
 
-FORMAT = "commhg_mj training 3"
-STATE, WEIGHTS = "state.pt", "weights.safetensors"
+FORMAT = "commhg_mj training 4"
+STATE, WEIGHTS, CLONED = "state.pt", "weights.safetensors", "cloned.safetensors"
 TRAINING_SEEDS = 10**6  # missions of training seed s begin at (1 + s) times this; evaluation stays far below
 VALIDATE_EVERY = 20  # updates
 RECENT = 100  # missions whose mean TWCR is shown
@@ -90,8 +91,9 @@ class Training:
             self.cpu_before = begin_with(self.method, plan.init)
         self.learner = Learner(self.method, plan.hyper, group, device)
         first = (1 + plan.seed) * TRAINING_SEEDS + group.rank * (TRAINING_SEEDS // group.size)
+        scenario = without_initializer(plan.scenario) if self.method.picks_first else plan.scenario
         self.collector = Collector(
-            self.method, plan.scenario, first, group.share(plan.side_by_side), plan.links, plan.limitation, self.rng
+            self.method, scenario, first, group.share(plan.side_by_side), plan.links, plan.limitation, self.rng
         )  # fmt: skip
         self.updates, self.missions, self.decisions, self.cpu_seconds = 0, 0, 0, 0.0  # of the whole group
         self.validation, self.written = Validation(plan.scenario, plan.links, plan.limitation), None
@@ -114,6 +116,11 @@ class Training:
         if self.updates >= self.plan.first_updates:
             return "improve"
         return "value" if self.plan.init else "clone"
+
+    @property
+    def has_cloned(self) -> bool:
+        """The last update was the last that imitates Greedy."""
+        return self.updates == self.plan.first_updates > 0 and not self.plan.init
 
     def run(self, cpu_seconds: float = float("inf")) -> Iterator[dict]:
         """What happened in each update until the run is done, or has cost so much; all that is told is saved."""
@@ -149,16 +156,21 @@ class Training:
         self.cpu_seconds += seconds
         facts = {"update": self.updates, "missions": self.missions, "decisions": self.decisions, "cpu_seconds": self.cpu_seconds}
         facts |= {"rate": decisions / seconds, "twcr": twcr / n_recent if n_recent else float("nan")}
-        is_time = self.group.is_first and (self.updates % VALIDATE_EVERY == 0 or self.is_done)
+        facts["changes"] = change_rate(data)
+        is_time = self.group.is_first and (self.updates % VALIDATE_EVERY == 0 or self.has_cloned or self.is_done)
         return facts | {"validation": self.validation.score(self.method) if is_time else float("nan")} | stats
 
     def save(self) -> None:
-        """Write the run's weights, then its state, and nothing half; the state is what counts. The whole group calls it."""
+        """Write the run's weights, then its state, and nothing half; the state is what counts. The whole group calls it.
+
+        Weights that imitate Greedy stay in a file of their own: what was learned beyond them can be measured.
+        """
         workers = self.group.gather({"collector": self.collector.state_dict(), "rng": self.rng.bit_generator.state})
         if not self.group.is_first:
             return
         self.folder.mkdir(parents=True, exist_ok=True)
-        save_weights(self.method, self.folder / WEIGHTS, self.facts())
+        for name in [WEIGHTS] + [CLONED] * self.has_cloned:
+            save_weights(self.method, self.folder / name, self.facts())
         state = {
             "format": FORMAT, "plan": plan_to_json(self.plan), "method": self.method.state_dict(),
             "optimizer": self.learner.optimizer.state_dict(), "workers": workers,

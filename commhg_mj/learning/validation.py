@@ -6,6 +6,7 @@ import numpy as np
 
 from ..mission.batch import MissionBatch
 from ..policies import POLICIES
+from .first_targets import without_initializer
 from .learned_policy import LearnedPolicy
 
 FIRST, N_MISSIONS = 50_000, 20  # seeds; neither training nor evaluation flies them
@@ -15,19 +16,20 @@ class Validation:
     """Fixed missions of one scenario under the training's conditions; nothing of the training depends on them."""
 
     def __init__(self, scenario, links, limitation):
-        self.conditions = scenario, range(FIRST, FIRST + N_MISSIONS), links, limitation
+        self.scenario, self.conditions = scenario, (range(FIRST, FIRST + N_MISSIONS), links, limitation)
 
     @cached_property
     def greedy(self) -> float:
         """Greedy's mean TWCR."""
-        return self._fly(POLICIES["greedy"].make)
+        return self._fly(self.scenario, POLICIES["greedy"].make)
 
     def score(self, method) -> float:
         """The method's mean TWCR."""
-        return self._fly(lambda batch: LearnedPolicy(method, batch))
+        scenario = without_initializer(self.scenario) if method.picks_first else self.scenario
+        return self._fly(scenario, lambda batch: LearnedPolicy(method, batch))
 
-    def _fly(self, make):
-        batch = MissionBatch(*self.conditions)
+    def _fly(self, scenario, make):
+        batch = MissionBatch(scenario, *self.conditions)
         policy, seen = make(batch), batch.observations
         while not batch.over.all():
             seen = batch.step(policy(seen))

@@ -52,20 +52,36 @@ def advance_and_observe(missions, seconds, discount, earned, seen, masks):
     for e in range(missions.shape[0]):
         m = missions[e]
         advance(m, seconds[e], discount, earned[e])
-        if m.over:
-            continue
-        for r in range(m.n_robots):
-            if true_robot(m, r).due:
-                seen.robots[i].mission = e
-                observe_robot(m, r, seen.robots[i], seen.robot_tasks[i], seen.robot_peers[i], seen.robot_operators[i])
-                copy_robot_masks(seen, masks, i)
-                i += 1
-        for h in range(m.n_operators):
-            if true_operator(m, h).due:
-                seen.operators[k].mission = e
-                observe_operator(m, h, seen.operators[k], seen.operator_reports[k])
-                copy_operator_masks(seen, masks, k)
-                k += 1
+        if not m.over:
+            i, k = observe_mission(m, e, False, seen, masks, i, k)
+    return i, k
+
+
+@kernel
+def observe_mission(m, e, everyone, seen, masks, i, k):
+    """Observe for who is due in mission e, or for everyone, from rows i and k on; returns the next free rows."""
+    for r in range(m.n_robots):
+        if true_robot(m, r).due or everyone:
+            seen.robots[i].mission = e
+            observe_robot(m, r, seen.robots[i], seen.robot_tasks[i], seen.robot_peers[i], seen.robot_operators[i])
+            copy_robot_masks(seen, masks, i)
+            i += 1
+    for h in range(m.n_operators):
+        if true_operator(m, h).due or everyone:
+            seen.operators[k].mission = e
+            observe_operator(m, h, seen.operators[k], seen.operator_reports[k])
+            copy_operator_masks(seen, masks, k)
+            k += 1
+    return i, k
+
+
+@kernel
+def observe_missions(missions, seen, masks):
+    """Observe for everyone in missions that are not over; returns how many robots and operators there are."""
+    i, k = 0, 0
+    for e in range(missions.shape[0]):
+        if not missions[e].over:
+            i, k = observe_mission(missions[e], e, True, seen, masks, i, k)
     return i, k
 
 
@@ -182,6 +198,12 @@ class MissionBatch:
         self.observations = Observations(*(table[:rows] for table, rows in zip(seen, (n, n, n, n, k, k))))
         self._masks = Masks(*(table[:rows] for table, rows in zip(masks, (n, n, n, k, k))))
         return self.observations
+
+    def observe_everyone(self) -> Observations:
+        """What all actors of missions under way would see now, due or not; decisions go on to answer `observations`."""
+        seen, masks = new_observations(len(self.seeds), self.scenario), new_masks(len(self.seeds), self.scenario)
+        n, k = observe_missions(self.state.missions, seen, masks)
+        return Observations(*(table[:rows] for table, rows in zip(seen, (n, n, n, n, k, k))))
 
     def _check(self, decisions) -> Decisions:
         instance("decisions", decisions, Decisions)

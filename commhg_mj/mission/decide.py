@@ -162,6 +162,8 @@ def claim(m, r, choice):
             m.incompatibles += 1
             m.tick_reward[1] -= m.rules.incompatible_cost
         take_task(m, r, choice)
+        if m.rules.picks_first and m.now == 0:
+            robot.prescribed = m.rules.initial_phase_end > 0
     else:
         known_task(m, r, choice).refused_until = m.now + m.rules.refusal
         m.refusals += 1

@@ -121,6 +121,6 @@ def initialize(state) -> None:
     targets = np.full((e, r), NOBODY, np.int32)
     for mission, table in enumerate(utilities):
         robots, tasks = linear_sum_assignment(table, maximize=True)
-        worthwhile = table[robots, tasks] > 0
+        worthwhile = (table[robots, tasks] > 0) & (state.missions["rules"]["picks_first"][mission] == 0)
         targets[mission, robots[worthwhile]] = tasks[worthwhile]
     assign_first_targets(state.missions, targets)

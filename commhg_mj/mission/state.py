@@ -26,7 +26,7 @@ N_UPLINK_PLACES = 3  # query, request, telemetry, by priority
 
 RULES = record(  # a scenario's numbers as the kernels read them
     radio=(RADIO,), robot_period="i8", operator_period="i8", out_degree="i8", delay="i8", late_low="i8", late_high="i8",
-    time_limit="i8", initial_phase_end="i8", broadcast_records="i8", telemetry_records="i8",
+    time_limit="i8", initial_phase_end="i8", picks_first="i8", broadcast_records="i8", telemetry_records="i8",
     message_bytes=("i8", (len(Kind),)), speed=("f8", (2, 2)), hazard="f8", controlled_hazard="f8", sensing_radius="f8",
     bucket="f8", refill="f8", time_to_live="f8",
     telemetry_period="f8", service_base="f8", service_per_difficulty="f8", success_autonomous=("f8", (2,)),
@@ -264,6 +264,7 @@ def write_rules(missions, scenario: Scenario, links: str, limitation: str) -> No
     rules["radio"] = radio_rules(scenario, links, limitation)
     rules["time_limit"] = limit
     rules["initial_phase_end"] = round(scenario.decisions.initial_phase * limit)
+    rules["picks_first"] = scenario.decisions.first_targets == "policy"
     rules["late_low"], rules["late_high"] = transport.late_delay
     rules["message_bytes"] = [getattr(transport, f"{kind.name.lower()}_bytes") for kind in Kind]
     rules["speed"] = (robots.autonomous_speed, robots.controlled_speed)

@@ -9,6 +9,7 @@ A policy of one's own is made for one batch of missions, and flies wherever a na
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 from ..base.arguments import said
@@ -24,9 +25,14 @@ from .random import Random
 __all__ = ["POLICIES", "SOURCES", "PolicyInfo", "Source", "conditions_of", "find_policy", "label_of", "policy", "prepare"]
 
 
+def as_it_is(scenario: Scenario) -> Scenario:
+    return scenario
+
+
 class PolicyInfo(NamedTuple):
     make: Callable  # (MissionBatch) -> policy
     is_privileged: bool = False  # reads the true state and communicates for free; marked as such everywhere
+    flown_in: Callable[[Scenario], Scenario] = as_it_is  # a scenario that is asked for -> the one that it flies in
 
 
 class Source(NamedTuple):
@@ -56,7 +62,12 @@ def policy(name: str, is_privileged: bool = False) -> Callable[[Callable], Calla
     return register
 
 
-REFERENCES = {"random": PolicyInfo(Random), "greedy": PolicyInfo(Greedy), "omniscient": PolicyInfo(Omniscient, True)}
+REFERENCES = {
+    "random": PolicyInfo(Random),
+    "greedy": PolicyInfo(Greedy),
+    "greedy+no-query": PolicyInfo(partial(Greedy, asks=False)),
+    "omniscient": PolicyInfo(Omniscient, True, every_second),
+}
 POLICIES = Registry("policy", "commhg_mj.policies", REFERENCES, lambda name, make: policy(name)(make))
 SOURCES: list[Source] = []  # learning/pretrained.py's
 
@@ -90,7 +101,7 @@ def label_of(name: str) -> str:
 def prepare(
     name: str, scenario, seeds, links=DEFAULT_LINKS, limitation="nominal", record=False
 ) -> tuple[MissionBatch, Callable]:
-    """(batch, policy) for missions of a scenario; a privileged policy gets its idealised conditions."""
+    """(batch, policy) for missions of a scenario, under the policy's own conditions: a privileged one's are idealised."""
     info = find_policy(name)
     scenario, links = conditions_of(name, load_scenario(scenario), links)
     batch = MissionBatch(scenario, seeds, links, limitation, record)
@@ -99,4 +110,5 @@ def prepare(
 
 def conditions_of(name: str, scenario: Scenario, links: str) -> tuple[Scenario, str]:
     """(scenario, links) that a policy flies under when these are asked for."""
-    return (every_second(scenario), "perfect") if find_policy(name).is_privileged else (scenario, links)
+    info = find_policy(name)
+    return info.flown_in(scenario), "perfect" if info.is_privileged else links

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..base.arguments import instance
+from ..base.arguments import flag, instance
 from ..base.kernels import kernel
 from ..base.terms import IDLE, KEEP, NOBODY, REST, Activity, Session, Status
 from ..mission.batch import MissionBatch, stay
@@ -22,17 +22,21 @@ TIRED = 0.75  # an operator at or above this fatigue rests
 
 
 class Greedy:
-    """Callable policy; sees observations and the scenario's public numbers."""
+    """Callable policy; sees observations and the scenario's public numbers.
 
-    def __init__(self, batch: MissionBatch):
+    Args:
+      asks: operators, by the schedule's rule.
+    """
+
+    def __init__(self, batch: MissionBatch, asks: bool = True):
         instance("batch", batch, MissionBatch)
-        self.rules = batch.rules
+        self.rules, self.asks = batch.rules, flag("asks", asks)
 
     def __call__(self, observations: Observations) -> Decisions:
         decisions = stay(observations)
         choose_tasks(self.rules, observations, decisions)
         choose_robots(self.rules, observations, decisions)
-        follow_schedule(observations, decisions)
+        follow_schedule(observations, decisions, self.asks)
         return decisions
 
 

@@ -156,6 +156,10 @@ class DecisionRules:
 
     robot_period: int = _field(10, "s", "D", "a robot decides at least this often", 1, 3600)
     operator_period: int = _field(5, "s", "D", "an operator decides at least this often", 1, 3600)
+    first_targets: str = _field(
+        "initializer", "", "D", "who picks them at t = 0: the initializer, or each robot's policy",
+        choices=("initializer", "policy"),
+    )  # fmt: skip
     initial_phase: float = _field(0.10, "of the limit", "D", "longest prescribed first target", 0, 1)
     refusal: float = _field(20.0, "s", "D", "a task refused by the resolver is masked this long", 1, 3600)
 

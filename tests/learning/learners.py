@@ -9,6 +9,7 @@ from strategies import change
 from commhg_mj.learning.distributed import ALONE
 from commhg_mj.learning.features import (
     OPERATOR,
+    PAST,
     PEER,
     PUBLIC,
     REPORT,
@@ -76,7 +77,7 @@ def random_row(rng, n_operators=2):
     return Row(tasks, keep, idle or not keep, rng.random() < 0.6, query, rng.random() < 0.6, int(rng.integers(0, 3)))
 
 
-def robot_graphs(rows, n_tasks=5, seed=0) -> RobotGraphs:
+def robot_graphs(rows, n_tasks=5, seed=0, n_past=0) -> RobotGraphs:
     """Graphs of random features with these masks, all of mission 0."""
     rng = np.random.default_rng(seed)
     counts, peers = [len(row.tasks) for row in rows], [row.n_peers for row in rows]
@@ -88,13 +89,14 @@ def robot_graphs(rows, n_tasks=5, seed=0) -> RobotGraphs:
     return RobotGraphs(
         noise(n, ROBOT.width), task_ptr, task, noise(n_edges, TASK_EDGE.width),
         np.concatenate([np.array(row.tasks, bool) for row in rows]), own, peer_ptr, noise(peer_ptr[-1], PEER.width),
+        rng.integers(0, 3, peer_ptr[-1]), rng.integers(-1, n_tasks, peer_ptr[-1]), noise(peer_ptr[-1], n_past, PAST.width),
         noise(n, n_operators, RESOURCE.width), np.array([[row.keep, row.idle] for row in rows]),
         np.array([row.gate for row in rows]), np.array([row.query for row in rows], bool).reshape(n, n_operators),
         np.array([row.assist for row in rows]), np.zeros(n, np.int64), np.arange(n),
     )  # fmt: skip
 
 
-def operator_graphs(k, n_robots, seed=0, known=0.6) -> OperatorGraphs:
+def operator_graphs(k, n_robots, seed=0, known=0.6, n_past=0) -> OperatorGraphs:
     """Graphs of random features; each operator holds robot 0."""
     rng = np.random.default_rng(seed)
     noise = lambda *shape: rng.normal(size=shape).astype(np.float32)
@@ -102,7 +104,7 @@ def operator_graphs(k, n_robots, seed=0, known=0.6) -> OperatorGraphs:
     report = noise(k, n_robots, REPORT.width) * known[..., None]
     return OperatorGraphs(
         noise(k, OPERATOR.width), report, known, np.ones((k, n_robots), bool), np.ones((k, 2), bool), np.zeros(k, np.int64),
-        np.zeros(k, np.int64), np.arange(k),
+        noise(k, n_robots, n_past, PAST.width), np.zeros(k, np.int64), np.arange(k),
     )  # fmt: skip
 
 
@@ -128,10 +130,11 @@ def experience(rows, robot_choices, robot_advantage, operator_choices=(), operat
     operators = operator_graphs(k, 3)._replace(operator=np.zeros(k, np.int64))
     # Made by indifferent logits: gate and query have two choices each, operators three that are not -50.
     log_prob = np.array([np.log(0.5) * (row.gate + any(row.query)) for row in rows], np.float32)
+    free = np.array([row.gate or any(row.query) for row in rows], bool)
     return Experience(
         random_states(max(n, k)), graphs, operators, public, robot_choices, np.array(operator_choices, np.int64),
-        log_prob, np.full(k, np.log(1 / 3), np.float32), np.arange(n), np.arange(k),
-        robot_advantage, operator_advantage, robot_advantage, operator_advantage,
+        np.arange(n), np.arange(k), (log_prob, np.full(k, np.log(1 / 3), np.float32)), (free, np.ones(k, bool)),
+        (robot_advantage, operator_advantage), (robot_advantage, operator_advantage),
     )  # fmt: skip
 
 

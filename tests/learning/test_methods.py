@@ -66,8 +66,6 @@ def test_a_method_learns_is_saved_found_and_flies(name, tmp_path):
     assert all(0 <= score.twcr <= 1 for score in scores)
     sent = scores[0].messages
     assert sent["broadcast"]["attempted"] > 0
-    if not training.method.communicates:
-        assert sent["query"]["attempted"] == 0
     assert fly_missions(SHORT, path, range(3)) == scores
 
 
@@ -138,7 +136,7 @@ def test_who_follows_the_schedule_follows_it_exactly(name):
         if batch.over.all():
             break
         decisions, wanted = policy(batch.observations), stay(batch.observations)
-        follow_schedule(batch.observations, wanted)
+        follow_schedule(batch.observations, wanted, True)
         mine, schedule = arrays_of(decisions)[1:4], arrays_of(wanted)[1:4]
         if not method.communicates:
             assert mine == schedule
@@ -187,8 +185,10 @@ def test_a_trained_method_may_lack_something(tmp_path):
     assert policies.label_of(f"{path}+no-query") == f"{policies.label_of(path)}+no-query"
     assert set(pretrained.VARIANTS) == set(VARIANTS)
     save_weights(untrained("mappo"), path, {})
-    with pytest.raises(ValueError, match="mappo.no-query: mappo follows the fixed schedule"):
-        fly_missions(LONG, f"{path}+no-query", range(1))
+    whole, silent = (fly_missions(LONG, name, range(4)) for name in (str(path), f"{path}+no-query"))
+    assert sent(whole, "query") > 0 == sent(silent, "query"), "who follows the schedule asks by it, or never"
+    with pytest.raises(ValueError, match="mappo.random-gates: mappo follows the fixed schedule"):
+        fly_missions(LONG, f"{path}+random-gates", range(1))
     with pytest.raises(ValueError, match="unknown policy 'commhg.nothing'"):
         policies.find_policy("commhg+nothing")
 

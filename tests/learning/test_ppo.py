@@ -6,15 +6,18 @@ import far
 import numpy as np
 import pytest
 import torch
-from learners import NAMES, QUICK, Row, experience, run, shaken, updated
+from learners import NAMES, QUICK, SHORT, Row, experience, run, shaken, updated
+from strategies import change
 from torch import nn
 from torch.nn.functional import logsigmoid
 
 from commhg_mj.base.terms import KEEP
 from commhg_mj.learning import ppo
 from commhg_mj.learning.critic import N_PARTS, ReturnScale
-from commhg_mj.learning.heads import RobotChoices, RobotLogits
+from commhg_mj.learning.heads import LEFT_OUT, RobotChoices, RobotLogits
 from commhg_mj.learning.ppo import Hyper, Learner
+from commhg_mj.learning.registry import METHODS
+from commhg_mj.learning.rollout import FAILED
 from commhg_mj.policies import POLICIES
 
 pytestmark = pytest.mark.filterwarnings("ignore:Mean of empty slice", "ignore:invalid value", "ignore:Degrees of freedom")
@@ -46,6 +49,11 @@ class Toy(nn.Module):
     def critic(self, states, *asked):
         return tuple(torch.zeros(len(at.state), N_PARTS) for at in asked)
 
+    critic.reads = "state"
+
+    def auxiliary(self, *decided):
+        return None
+
 
 def choices(gate, query):
     n = len(gate)
@@ -61,7 +69,7 @@ def gradients(toy, data):
 def surrogate(toy, data, each=False):
     """(loss, gradients) by the formula, for robots alone; `each`: clipped a component, as it should not be."""
     gate, query = toy.now["gate"], toy.now["query"]
-    total = torch.from_numpy(data.robot_advantage.sum(axis=1))
+    total = torch.from_numpy(data.advantages[0].sum(axis=1))
     advantage = (total - total.mean()) / total.std(correction=0)
     said, asked = (torch.from_numpy(column) for column in (data.robot_choices.gate, data.robot_choices.query >= 0))
     old = np.log(0.5)
@@ -145,11 +153,10 @@ def collected(tmp_path, method, decisions, teacher=False, **options):
 
 
 @torch.no_grad()
-def likelihoods(training, data, rows, aim="improve"):
-    """Log-probabilities of robots' and of all operators' choices as an update judges them."""
+def likelihoods(training, data, states, aim="improve"):
+    """Log-probabilities of robots' and operators' choices in some states as an update judges them."""
     learner = training.learner
-    everyone = np.arange(len(data.operator_state))
-    return learner._judge_robots(data, rows, aim).log_prob, learner._judge_operators(data, everyone).log_prob
+    return [role.log_prob for role in learner.judge(learner.minibatch(data, states), aim)]
 
 
 # 300 decisions: missions end on the way and others begin. Methods that do not read the public table never notice.
@@ -158,22 +165,21 @@ def likelihoods(training, data, rows, aim="improve"):
 def test_an_update_judges_as_the_rollout_did(tmp_path, method, decisions):
     """Same graphs, same masks, same tasks: else the first ratio is not 1."""
     training, data = collected(tmp_path, method, decisions)
-    robots, operators = data.robot_log_prob, data.operator_log_prob
-    for rows in (np.arange(len(robots)), np.sort(np.random.default_rng(0).permutation(len(robots))[: len(robots) // 2])):
-        now = likelihoods(training, data, rows)
-        np.testing.assert_allclose(now[0], robots[rows], atol=2e-4)
-        np.testing.assert_allclose(now[1], operators, atol=2e-4)
-    assert robots.std() > 0.01 and operators.std() > 0.01
+    n = len(data.states.mission)
+    for states in (np.arange(n), np.sort(np.random.default_rng(0).permutation(n)[: n // 2])):
+        for now, old, of in zip(likelihoods(training, data, states), data.log_probs, (data.robot_state, data.operator_state)):
+            np.testing.assert_allclose(now, old[np.isin(of, states)], atol=2e-4)
+    assert all(old.std() > 0.01 for old in data.log_probs)
 
 
 @pytest.mark.parametrize("method", NAMES)
 def test_cloning_makes_greedys_choices_likelier(tmp_path, method):
     training, data = collected(tmp_path, method, 150, teacher=True, hyper=dataclasses.replace(QUICK, epochs=8))
-    spoilt = data._replace(robot_advantage=-data.robot_advantage * 7, operator_advantage=data.operator_advantage * 0 + 3)
-    rows = np.arange(len(data.robot_state))
-    before = [likely.mean().item() for likely in likelihoods(training, data, rows, "clone")]
+    spoilt = data._replace(advantages=(-data.advantages[0] * 7, data.advantages[1] * 0 + 3))
+    states = np.arange(len(data.states.mission))
+    before = [likely.mean().item() for likely in likelihoods(training, data, states, "clone")]
     training.learner.update(spoilt, np.random.default_rng(0), "clone")
-    after = [likely.mean().item() for likely in likelihoods(training, data, rows, "clone")]
+    after = [likely.mean().item() for likely in likelihoods(training, data, states, "clone")]
     assert after[0] > before[0] + 0.1 and after[1] > before[1]
 
 
@@ -185,9 +191,9 @@ def test_bigger_teams_decide_more_and_given_weights_are_not_pulled_to_entropy():
 
 
 def test_cloning_teaches_nobody_not_to_ask(tmp_path):
-    """Greedy never asks; PPO is to find out when to."""
+    """Greedy asks by a fixed rule; PPO is to find out when to."""
     training, data = collected(tmp_path, "commhg", 150, teacher=True)
-    assert (data.robot_choices.query < 0).all()
+    assert (data.robot_choices.query >= 0).any()
     training.learner.update(data, np.random.default_rng(0), "clone")
     actor = training.method.robot
     assert all(part.grad is None for head in (actor.query, actor.nobody, actor.query_operator) for part in head.parameters())
@@ -205,3 +211,73 @@ def test_another_device_learns_the_same(tmp_path, method, monkeypatch):
         assert all(parameter.is_cpu for parameter in away.method.parameters()) and present.n_operations > 1000
     for one, other in zip(near.method.parameters(), away.method.parameters()):
         torch.testing.assert_close(one, other, rtol=1e-3, atol=1e-4)
+
+
+def test_advantages_are_normalised_over_those_who_had_a_choice():
+    """Decisions without one, however large their advantages, move nothing."""
+    idle = Row(keep=True, idle=False, gate=False, query=(False,), assist=False)
+    rows, picked = [SPEAKER, idle] * 2, choices([True, False, False, False], [1, 0, 0, 0])
+    losses = []
+    for nonsense in (0.0, 1000.0):
+        advantages = [[1.0, 0.0], [nonsense, 0.0], [-1.0, 0.0], [-3.0 * nonsense, 0.0]]
+        losses.append(gradients(Toy(0.1, 0.1), experience(rows, picked, advantages)))
+    assert losses[0] == losses[1] and abs(losses[0][1]["gate"]) > 1e-3
+
+
+def test_a_lonely_decision_weighs_as_much_as_any_other():
+    """One operator's decision among many states of robots: its minibatch is not its role's whole loss."""
+    robots = [SPEAKER] * 8
+    data = experience(robots, choices([True, False] * 4, [0] * 8), np.ones((8, 2)), [2, 1], [[1.0, 0.0], [-1.0, 0.0]])
+    toy = Toy()
+    learner = Learner(toy, dataclasses.replace(PLAIN, minibatches=4))
+    weights = []
+    policy_loss = learner._policy_loss
+
+    def look(role, rows, now, aim):
+        if len(rows):
+            ones = role._replace(advantage=torch.ones_like(role.advantage), log_prob=role.log_prob * 0)
+            flat = now._replace(log_prob=now.log_prob * 0)
+            weights.append((len(role.log_prob), len(rows), -policy_loss(ones, rows, flat, aim)[0].item()))
+        return policy_loss(role, rows, now, aim)
+
+    learner._policy_loss = look
+    learner.update(data, np.random.default_rng(0))
+    for of_role, n, weight in weights:  # by the mean number of the role's decisions in one of the four
+        assert weight == pytest.approx(n / (of_role / 4))
+    assert {of_role for of_role, *_ in weights} == {8, 2}
+
+
+def test_a_failed_robots_last_value_is_that_of_those_that_fly(tmp_path):
+    training = run(tmp_path, "mappo", side_by_side=2)
+    shaken(training.method.critic)
+    for role in (0, 1):
+        training.method.scale.update(role, torch.randn(50, 2))
+    collector = training.collector
+    robots = collector.batch.state.robots
+    robots["activity"][0, 1] = FAILED
+    values = collector._last_values(training.method.critic, training.method.scale)[:, : robots.shape[1]]
+    np.testing.assert_allclose(values[0, 1], values[0, [0, 2]].mean(axis=0), rtol=1e-5)
+    assert not np.allclose(values[0, 0], values[0, 2]) and not np.allclose(values[1, 1], values[1, [0, 2]].mean(axis=0))
+    robots["activity"][1] = FAILED
+    assert (collector._last_values(training.method.critic, training.method.scale)[1, : robots.shape[1]] == 0).all()
+
+
+def test_what_does_not_fit_in_is_not_imitated(tmp_path):
+    """A teacher's choice that a method cannot make teaches nothing, in place of pushing all others down."""
+    many = run(tmp_path, "mappo", change(SHORT, n_tasks=40, released_at_start=1.0)).collector
+    method = shaken(METHODS["mappo"]())
+    data = many.collect(60, method.critic, method.scale, 0.99, 0.95, teacher=POLICIES["greedy"].make(many.batch))
+    learner = Learner(method, PLAIN)
+    batch = learner.minibatch(data, np.arange(len(data.states.mission)))
+    with torch.no_grad():
+        score = method.robot(*batch.local[:2]).task
+    reach = batch.choices.task.clone()
+    legal_out = torch.nonzero((score <= LEFT_OUT) & batch.local.robots.task_legal)[:, 0]
+    row = batch.local.robots.rows[legal_out[0]]
+    reach[row] = legal_out[0]
+    pair = [batch._replace(choices=batch.choices._replace(task=task)) for task in (batch.choices.task, reach)]
+    judged = [learner.judge(one, "clone")[0] for one in pair]
+    assert judged[1].log_prob[row] < ppo.OUT_OF_REACH < judged[0].log_prob.min()
+    role = ppo.Role(None, None, None, 1.0, 1.0)
+    losses = [learner._policy_loss(role, None, now, "clone")[0] for now in judged]
+    assert 0 < losses[1] < losses[0] + 1e-6

@@ -125,7 +125,7 @@ def test_missions_follow_one_another_by_their_seeds_and_pay_their_own_rewards(tm
     totals = [reward for seed, (reward, _) in sorted(ends.items()) if seed in flown]
     assert len(totals) > 4 and any(reward[1] != 0 for reward in totals)
     for reward in totals:
-        assert np.isclose(data.robot_return[begins], reward, atol=1e-6).all(axis=1).any()
+        assert np.isclose(data.returns[0][begins], reward, atol=1e-6).all(axis=1).any()
 
 
 def test_rewards_within_a_step_are_discounted_by_the_second(tmp_path, monkeypatch):
@@ -538,7 +538,7 @@ def test_numbers_that_are_none_stop_the_run(tmp_path, monkeypatch):
     training.save()
     before = (tmp_path / STATE).read_bytes()
     collect = training.collector.collect
-    spoil = lambda *a: (data := collect(*a))._replace(robot_return=data.robot_return * np.nan)
+    spoil = lambda *a: (data := collect(*a))._replace(returns=tuple(part * np.nan for part in data.returns))
     monkeypatch.setattr(training.collector, "collect", spoil)
     with pytest.raises(FloatingPointError, match=f"update 2: .*value_loss is nan.*{tmp_path}"):
         training.update()

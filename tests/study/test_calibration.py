@@ -12,7 +12,8 @@ from commhg_mj.study import calibration
 from commhg_mj.study.calibration import FLIGHTS, calibrate
 
 GOOD = {
-    "random": 0.2, "greedy": 0.6, "greedy high": 0.5, "greedy low": 0.55, "greedy alone": 0.5,
+    "random": 0.2, "greedy+no-query": 0.6, "greedy+no-query high": 0.5, "greedy+no-query low": 0.55,
+    "greedy+no-query alone": 0.5, "greedy": 0.61, "greedy high": 0.52,
     "omniscient": 0.8, "omniscient alone": 0.7,
 }  # fmt: skip
 
@@ -40,7 +41,8 @@ def test_all_references_fly_the_same_missions(flown):
     assert sum(scenario.n_operators == 0 for scenario, *_ in flown.calls) == 2
     assert {scenario.name for scenario, *_ in flown.calls} == {SCENARIOS["small"].name}
     assert result.scenario == "small"
-    for label, level in (("random", 0.2), ("greedy, high", 0.5), ("omniscient, no operators", 0.7)):
+    levels = {"random": 0.2, "greedy+no-query, high": 0.5, "greedy, high": 0.52, "omniscient, no operators": 0.7}
+    for label, level in levels.items():
         assert result.twcr[label].mean == pytest.approx(level)
 
 
@@ -48,11 +50,12 @@ def test_all_references_fly_the_same_missions(flown):
     "changes, broken",
     [
         ({}, []),
-        ({"greedy": 0.44, "greedy high": 0.3}, [0]),
-        ({"greedy": 0.71, "omniscient": 0.9}, [0]),
+        ({"greedy+no-query": 0.44, "greedy+no-query high": 0.3}, [0]),
+        ({"greedy+no-query": 0.71, "omniscient": 0.9}, [0]),
         ({"omniscient": 0.74, "omniscient alone": 0.6}, [1]),
         ({"omniscient alone": 0.76}, [2]),
-        ({"greedy high": 0.58}, [3]),
+        ({"greedy+no-query high": 0.58}, [3]),
+        ({"greedy": 0.9, "greedy high": 0.9}, []),
     ],
 )
 def test_the_rules(flown, changes, broken):
@@ -68,7 +71,7 @@ def test_differences_are_paired(flown):
 
 
 def test_tables_hold_every_flight_and_verdict(flown):
-    flown.levels["greedy high"] = 0.59
+    flown.levels["greedy+no-query high"] = 0.59
     results = [calibrate(name, 2) for name in SCENARIOS]
     figures, rules = calibration_tables(results, 2)
     assert [column.header for column in figures.columns][1:] == list(SCENARIOS)

@@ -1,42 +1,32 @@
-"""IPPO: MAPPO's actors, each with a critic that sees its own state alone."""
+"""IPPO: MAPPO's actors, each with a critic that reads what its actor reads (Yu et al. 2022)."""
 
-import torch
 from torch import Tensor, nn
 
-from ..critic import N_PARTS, Agents, ReturnScale, pick_agents
-from ..features import STATE_MISSION, STATE_OPERATOR, STATE_ROBOT
+from ..critic import N_PARTS
 from ..networks import NODE, mlp
-from ..registry import method
-from ..states import States
-from .mappo import OperatorMLP, RobotMLP
-
-CLOCK = STATE_MISSION.columns("time", "time_left")
+from ..registry import About, Method, method
+from .mappo import ABOUT, OPERATOR_WIDTH, ROBOT_WIDTH, OperatorMLP, RobotMLP, read_reports, read_robot
 
 
 class LocalCritic(nn.Module):
-    """Values out of the agent's own state and the clock."""
+    """Values out of an actor's own inputs."""
+
+    reads = "local"
 
     def __init__(self):
         super().__init__()
-        self.robot = mlp(STATE_ROBOT.width + len(CLOCK), NODE, N_PARTS, 0.1)
-        self.operator = mlp(STATE_OPERATOR.width + len(CLOCK), NODE, N_PARTS, 0.1)
+        self.robot, self.operator = mlp(ROBOT_WIDTH, NODE, N_PARTS, 0.1), mlp(OPERATOR_WIDTH, NODE, N_PARTS, 0.1)
 
-    def forward(self, states: States, robots: Agents, operators: Agents) -> tuple[Tensor, Tensor]:
-        """(robots' [n, 2], operators' [k, 2]) values in states of tensors."""
-        clock = torch.stack([states.mission[:, column] for column in CLOCK], dim=1)
-        roles = (self.robot, states.robot, robots), (self.operator, states.operator, operators)
-        return tuple(
-            value(torch.cat([pick_agents(agents, at), clock.index_select(0, at.state)], dim=1)) for value, agents, at in roles
-        )
+    def forward(self, robots, public: Tensor, operators) -> tuple[Tensor, Tensor]:
+        """(robots' [n, 2], operators' [k, 2]) values out of what `critic.Local` says."""
+        return self.robot(read_robot(robots)[0]), self.operator(read_reports(operators)[0])
 
 
 @method("ippo")
-class IPPO(nn.Module):
+class IPPO(Method):
     """Local actors, local critics."""
 
-    communicates = False
+    about = About(**ABOUT._asdict() | {"critic": "what its actor reads"})
 
     def __init__(self):
-        super().__init__()
-        self.robot, self.operator = RobotMLP(), OperatorMLP()
-        self.critic, self.scale = LocalCritic(), ReturnScale()
+        super().__init__(RobotMLP(), OperatorMLP(), LocalCritic())

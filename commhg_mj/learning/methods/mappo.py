@@ -1,4 +1,4 @@
-"""MAPPO: multilayer perceptrons on the best few of what a robot or an operator knows, and a central critic.
+"""MAPPO: multilayer perceptrons on the best few of what a robot or an operator knows, and a central critic (Yu et al. 2022).
 
 Communication follows the fixed schedule (docs/learning.md).
 """
@@ -6,22 +6,56 @@ Communication follows the fixed schedule (docs/learning.md).
 import torch
 from torch import Tensor, nn
 
-from ..critic import Critic, ReturnScale
-from ..features import OPERATOR, PEER, REPORT, RESOURCE, ROBOT, TASK_EDGE
-from ..heads import RobotLogits
+from ..critic import N_PARTS, Agents, mean_agents, pick_agents
+from ..features import OPERATOR, PEER, REPORT, RESOURCE, ROBOT, STATE_MISSION, STATE_OPERATOR, STATE_ROBOT, STATE_TASK, TASK_EDGE
+from ..heads import LEFT_OUT, RobotLogits
 from ..networks import NODE, bounded, linear
-from ..registry import method
+from ..registry import About, Method, method
+from ..states import States
 
-N_TASKS, N_PEERS, N_OPERATORS, N_REPORTS = 8, 6, 3, 8  # that fit in, the best first
+N_TASKS, N_PEERS, N_OPERATORS, N_REPORTS = 16, 8, 3, 16  # that fit in, the best first
 VALUE_RATE, IS_HELD = TASK_EDGE.index("value_rate"), TASK_EDGE.index("is_held")
 FRESH, GAIN = PEER.index("age_long"), REPORT.index("gain")
+MINE, KNOWN, HEARD = RESOURCE.index("controls_me"), RESOURCE.index("age_known"), RESOURCE.index("age_long")
+ENGAGED = RESOURCE.columns("bidding", "holding")
 FIRST = 1e3  # rank above any value rate
-LEFT_OUT = -30.0  # logit of what does not fit in: hardly ever chosen
+CRITIC = 256  # units of a layer
+
+ROBOT_WIDTH = ROBOT.width + N_TASKS * (TASK_EDGE.width + 1) + N_PEERS * (PEER.width + 1) + N_OPERATORS * RESOURCE.width
+OPERATOR_WIDTH = OPERATOR.width + N_REPORTS * (REPORT.width + 1)
+ABOUT = About(
+    source="Yu et al., The Surprising Effectiveness of PPO in Cooperative Multi-Agent Games, 2022; its released code",
+    reads="own state, the best 16 tasks, 8 peers, 3 operators; 16 reports",
+    relations="none: a perceptron on a list",
+    heads="fixed schedule",
+    critic="true state: mean rows, mission, the agent's own row",
+    inferred="what fits in and its order; feed-forward",
+)
 
 
-def perceptron(n_in: int, n_out: int) -> nn.Sequential:
+def perceptron(n_in: int, n_out: int, width: int = NODE, gain: float = 0.01) -> nn.Sequential:
     """Two hidden layers."""
-    return nn.Sequential(linear(n_in, NODE), nn.ReLU(), linear(NODE, NODE), nn.ReLU(), linear(NODE, n_out, 0.01))
+    return nn.Sequential(linear(n_in, width), nn.ReLU(), linear(width, width), nn.ReLU(), linear(width, n_out, gain))
+
+
+def read_robot(graphs) -> tuple[Tensor, Tensor]:
+    """(what robots' perceptrons read [N, ROBOT_WIDTH], the edges of the tasks in it [N, N_TASKS], -1: none)."""
+    # What may be chosen or is held comes first: nothing else needs a score.
+    rank = graphs.task_edge[:, VALUE_RATE] + FIRST * (graphs.task_legal | (graphs.task_edge[:, IS_HELD] > 0))
+    tasks, picked = best_edges(graphs.task_ptr, graphs.rows, graphs.task_edge, rank, N_TASKS)
+    peers, _ = best_edges(graphs.peer_ptr, graphs.peer_rows, graphs.peer_edge, graphs.peer_edge[:, FRESH], N_PEERS)
+    # The own operator, then who was heard of to be free, then the others, the newest records first.
+    operators = graphs.resource
+    is_free = operators[..., KNOWN] * (operators[..., ENGAGED].sum(dim=2) == 0)
+    operators, _ = best_rows(operators, 4.0 * operators[..., MINE] + 2.0 * is_free + operators[..., HEARD], N_OPERATORS)
+    return torch.cat([graphs.itself, tasks, peers, operators], dim=1), picked
+
+
+def read_reports(graphs) -> tuple[Tensor, Tensor]:
+    """(what operators' perceptrons read [K, OPERATOR_WIDTH], the robots of the reports in it [K, at most N_REPORTS])."""
+    gain = torch.where(graphs.known, graphs.report[..., GAIN], -2.0)
+    reports, order = best_rows(torch.cat([graphs.report, graphs.known[..., None].float()], dim=2), gain, N_REPORTS)
+    return torch.cat([graphs.itself, reports], dim=1), order
 
 
 class RobotMLP(nn.Module):
@@ -29,19 +63,12 @@ class RobotMLP(nn.Module):
 
     def __init__(self):
         super().__init__()
-        width = ROBOT.width + N_TASKS * (TASK_EDGE.width + 1) + N_PEERS * (PEER.width + 1) + N_OPERATORS * RESOURCE.width
-        self.net = perceptron(width, 2 + N_TASKS)
+        self.net = perceptron(ROBOT_WIDTH, 2 + N_TASKS)
 
     def forward(self, graphs, public: Tensor) -> RobotLogits:
-        # What may be chosen or is held comes first: nothing else needs a score.
-        rank = graphs.task_edge[:, VALUE_RATE] + FIRST * (graphs.task_legal | (graphs.task_edge[:, IS_HELD] > 0))
-        tasks, picked = best_edges(graphs.task_ptr, graphs.rows, graphs.task_edge, rank, N_TASKS)
-        peers, _ = best_edges(graphs.peer_ptr, graphs.peer_rows, graphs.peer_edge, graphs.peer_edge[:, FRESH], N_PEERS)
-        operators = fit(graphs.resource, N_OPERATORS)
-        out = bounded(self.net(torch.cat([graphs.itself, tasks, peers, operators], dim=1)))
-        score = out.new_full((len(graphs.rows),), LEFT_OUT)
-        is_there = picked >= 0
-        score = score.index_put((picked[is_there],), out[:, 2:][is_there])
+        read, picked = read_robot(graphs)
+        out, is_there = bounded(self.net(read)), picked >= 0
+        score = out.new_full((len(graphs.rows),), LEFT_OUT).index_put((picked[is_there],), out[:, 2:][is_there])
         return RobotLogits(score, out[:, :2], None, None, None)
 
 
@@ -50,16 +77,12 @@ class OperatorMLP(nn.Module):
 
     def __init__(self):
         super().__init__()
-        self.net = perceptron(OPERATOR.width + N_REPORTS * (REPORT.width + 1), 2 + N_REPORTS)
+        self.net = perceptron(OPERATOR_WIDTH, 2 + N_REPORTS)
 
     def forward(self, graphs) -> Tensor:
-        k, r = graphs.legal.shape
-        gain = torch.where(graphs.known, graphs.report[..., GAIN], -2.0)
-        order = gain.argsort(dim=1, descending=True, stable=True)[:, :N_REPORTS]
-        reports = torch.cat([graphs.report, graphs.known[..., None].float()], dim=2)
-        best = reports.gather(1, order[..., None].expand(-1, -1, reports.shape[2]))
-        out = bounded(self.net(torch.cat([graphs.itself, fit(best, N_REPORTS)], dim=1)))
-        score = out.new_full((k, r), LEFT_OUT).scatter(1, order, out[:, 2 : 2 + order.shape[1]])
+        read, order = read_reports(graphs)
+        out = bounded(self.net(read))
+        score = out.new_full(graphs.legal.shape, LEFT_OUT).scatter(1, order, out[:, 2 : 2 + order.shape[1]])
         return torch.cat([out[:, :2], score], dim=1)
 
 
@@ -77,20 +100,42 @@ def best_edges(ptr: Tensor, rows: Tensor, edges: Tensor, rank: Tensor, k: int) -
     return torch.cat([features, is_there.float()], dim=2).flatten(1), picked
 
 
-def fit(rows: Tensor, k: int) -> Tensor:
-    """[N, k F]: the first k of rows [N, n, F], zeros where there are fewer."""
-    n, count, width = rows.shape
-    rows = rows[:, :k]
-    return torch.cat([rows, rows.new_zeros(n, max(0, k - count), width)], dim=1).flatten(1)
+def best_rows(rows: Tensor, rank: Tensor, k: int) -> tuple[Tensor, Tensor]:
+    """([N, k F] of rows [N, n, F] the k of the highest rank [N, n], zeros where there are fewer; which they are)."""
+    order = rank.argsort(dim=1, descending=True, stable=True)[:, :k]
+    best = rows.gather(1, order[..., None].expand(-1, -1, rows.shape[2]))
+    return torch.cat([best, rows.new_zeros(len(rows), k - order.shape[1], rows.shape[2])], dim=1).flatten(1), order
 
 
-@method("mappo")
-class MAPPO(nn.Module):
-    """Local actors, central critic."""
+class CentralCritic(nn.Module):
+    """Values out of the true state: the mean of each kind's rows, the mission's, and the agent's own."""
 
-    communicates = False
+    reads = "state"
 
     def __init__(self):
         super().__init__()
-        self.robot, self.operator = RobotMLP(), OperatorMLP()
-        self.critic, self.scale = Critic(), ReturnScale()
+        pooled = STATE_ROBOT.width + STATE_OPERATOR.width + STATE_TASK.width + 1 + STATE_MISSION.width
+        self.robot, self.operator = (
+            perceptron(pooled + group.width, N_PARTS, CRITIC, 0.1) for group in (STATE_ROBOT, STATE_OPERATOR)
+        )
+
+    def forward(self, states: States, robots: Agents, operators: Agents) -> tuple[Tensor, Tensor]:
+        """(robots' [n, 2], operators' [k, 2]) values in states of tensors."""
+        count = states.is_open.float().sum(dim=1, keepdim=True)
+        tasks = (states.task * states.is_open[..., None]).sum(dim=1) / count.clamp(min=1)
+        means = mean_agents(states.robot), mean_agents(states.operator), tasks, count / states.task.shape[1]
+        pooled = torch.cat([*means, states.mission], dim=1)
+        roles = (self.robot, states.robot, robots), (self.operator, states.operator, operators)
+        return tuple(
+            value(torch.cat([pooled.index_select(0, at.state), pick_agents(agents, at)], dim=1)) for value, agents, at in roles
+        )
+
+
+@method("mappo")
+class MAPPO(Method):
+    """Local actors, central critic."""
+
+    about = ABOUT
+
+    def __init__(self):
+        super().__init__(RobotMLP(), OperatorMLP(), CentralCritic())
