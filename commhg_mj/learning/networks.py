@@ -29,6 +29,12 @@ def head(n_in: int, n_out: int) -> nn.Sequential:
     return mlp(n_in, MESSAGE, n_out, 0.01)
 
 
+def pick(rows: Tensor, columns: list[int]) -> Tensor:
+    """[.., len(columns)] of rows [.., F]: slices, since a list of indices would have to be sent to the rows' device."""
+    cuts = [0, *(i for i in range(1, len(columns)) if columns[i] != columns[i - 1] + 1), len(columns)]
+    return torch.cat([rows[..., columns[a] : columns[b - 1] + 1] for a, b in zip(cuts, cuts[1:])], dim=-1)
+
+
 def bounded(logits: Tensor) -> Tensor:
     """Logits in ±LARGEST_LOGIT: no choice is ever ruled out by its score."""
     return LARGEST_LOGIT * torch.tanh(logits / LARGEST_LOGIT)

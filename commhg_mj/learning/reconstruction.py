@@ -9,7 +9,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from .features import PAST, STATE_ROBOT, STATE_TASK
-from .networks import linear, mlp
+from .networks import linear, mlp, pick
 
 LATENT, HIDDEN = 16, 32
 KL_WEIGHT = 0.01
@@ -46,8 +46,8 @@ class TaskReconstruction(nn.Module):
         noise = torch.from_numpy(rng.standard_normal(mean.shape, np.float32)).to(mean.device)
         out = self.decode(torch.cat([mean + (0.5 * log_variance).exp() * noise, condition], dim=1))
         binary = functional.binary_cross_entropy_with_logits
-        types = functional.cross_entropy(out[:, :3], truth[:, TASK_TYPE], reduction="none")
-        work = binary(out[:, 3:5], truth[:, TASK_WORK], reduction="none").sum(dim=1)
+        types = functional.cross_entropy(out[:, :3], pick(truth, TASK_TYPE), reduction="none")
+        work = binary(out[:, 3:5], pick(truth, TASK_WORK), reduction="none").sum(dim=1)
         done = binary(out[:, 5], 1.0 - is_open.float(), reduction="none")
         divergence = 0.5 * (mean**2 + log_variance.exp() - 1.0 - log_variance).sum(dim=1)
         return (torch.where(is_open, types + work, 0.0) + done + KL_WEIGHT * divergence).mean()
@@ -67,7 +67,7 @@ class RobotReconstruction(nn.Module):
         if not len(past):
             return past.new_zeros(0, self.WIDTH)
         out = self.out(self.recur(past)[1][0])
-        return torch.cat([past[:, -1, PAST_PLACE] + out[:, :2], out[:, 2:]], dim=1)  # it has moved from where it was last
+        return torch.cat([pick(past[:, -1], PAST_PLACE) + out[:, :2], out[:, 2:]], dim=1)  # it has moved from where it was last
 
     def forward(self, past: Tensor) -> Tensor:
         """[P, WIDTH] features."""
@@ -84,7 +84,7 @@ class RobotReconstruction(nn.Module):
         if not alive.any():
             return truth.new_zeros(())
         raw, truth = self.raw(past[alive]), truth[alive]
-        place = ((raw[:, :2] - truth[:, ROBOT_PLACE]) ** 2).sum(dim=1)
+        place = ((raw[:, :2] - pick(truth, ROBOT_PLACE)) ** 2).sum(dim=1)
         return (place + functional.binary_cross_entropy_with_logits(
-            raw[:, 2:], truth[:, ROBOT_DOES], reduction="none"
+            raw[:, 2:], pick(truth, ROBOT_DOES), reduction="none"
         ).sum(dim=1)).mean()  # fmt: skip

@@ -89,7 +89,9 @@ FORBIDDEN = {
     features.PEER: ("age_known", "age_short", "age_long"),
     features.RESOURCE: ("age_known", "age_short", "age_long", "availability"),
     features.ROBOT: ("availability",),
-    features.REPORT: ("age_known", "age_short", "age_long", "request_short", "request_long", "task_known", "task_short", "task_long"),
+    features.REPORT: (
+        "age_known", "age_short", "age_long", "request_short", "request_long", "task_known", "task_short", "task_long",
+    ),
     features.OPERATOR: ("availability",),
 }  # fmt: skip
 

@@ -115,16 +115,19 @@ def test_a_method_decides_from_observations_alone(name):
 
 @every_method
 def test_a_method_uses_what_it_may_know(name):
-    """The check above can fail: other observations, other decisions."""
+    """The check above can fail: other observations, other scores."""
     batch = fly(MissionBatch(LONG, range(40)), Wanderer(), 40)
-    seen, decisions, rng = batch.observations, [], np.random.default_rng(0)
+    seen, scores, rng = batch.observations, [], np.random.default_rng(0)
     torch.manual_seed(0)
     method, other = shaken(find_method(name)(), scale=1.0), copied(seen)
-    other.robot_tasks["distance"] *= rng.uniform(0, 5, other.robot_tasks.shape)
+    for field, most in (("distance", 500.0), ("x", 500.0), ("y", 500.0), ("progress", 1.0)):
+        other.robot_tasks[field] = rng.uniform(0, most, other.robot_tasks.shape)
     other.operators["fatigue"] = rng.uniform(0, 1, len(other.operators))
     for observations in (seen, other):
-        decisions.append(arrays_of(LearnedPolicy(method, batch)(observations)))
-    assert decisions[0][0] != decisions[1][0]
+        policy = LearnedPolicy(method, batch)
+        with torch.no_grad():
+            scores.append(policy.actors.score(policy.builder.robots(observations), policy.public)[1].task)
+    assert not torch.allclose(*scores, atol=1e-2)
 
 
 @every_method

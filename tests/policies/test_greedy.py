@@ -102,7 +102,7 @@ def test_greedy_decides_the_same_on_equal_observations_and_leaves_them_alone():
         batch.step(one)
 
 
-def test_the_schedule_broadcasts_every_period_asks_nothing_and_requests_help_on_hard_tasks():
+def test_the_schedule_broadcasts_every_period_and_requests_help_on_hard_tasks():
     pilot = Pilot(
         plain(n_operators=1, robot_period=1, service_base=100.0, difficulty=(0.9, 0.9), n_tasks=12, time_limit=250)
     )
@@ -111,7 +111,6 @@ def test_the_schedule_broadcasts_every_period_asks_nothing_and_requests_help_on_
     while not batch.over[0]:
         seen = batch.observations
         decisions = greedy(seen)
-        assert np.all(decisions.query == NOBODY)
         for i, robot in enumerate(seen.robots):
             r, now = int(robot["robot"]), float(robot["time"])
             if decisions.broadcast[i]:
@@ -125,6 +124,28 @@ def test_the_schedule_broadcasts_every_period_asks_nothing_and_requests_help_on_
                 asked[r] = now
         batch.step(decisions)
     assert len(spoke) == 2 and asked
+
+
+def test_the_schedule_asks_outside_service_whoever_was_not_heard_of_for_longest():
+    batch = MissionBatch("medium", [1, 2])
+    asking, silent, asked = Greedy(batch), Greedy(batch, asks=False), 0
+    while batch.time.max() < 300:
+        seen = batch.observations
+        decisions, quiet = asking(seen), silent(seen)
+        assert np.all(quiet.query == NOBODY)
+        assert all(np.array_equal(a, b) for a, b in zip(decisions._replace(query=quiet.query), quiet)), "else the same"
+        for i, robot in enumerate(seen.robots):
+            rows = seen.robot_operators[i]
+            unheard = np.where(rows["age"] < 0, np.inf, rows["age"])
+            if robot["activity"] == Activity.SERVICING or not rows["legal"].any():
+                assert decisions.query[i] == NOBODY
+            else:
+                assert unheard[decisions.query[i]] == unheard.max()
+                asked += 1
+        batch.step(decisions)
+    assert asked > 50
+    with pytest.raises(ValueError, match="asks"):
+        Greedy(batch, asks="no")
 
 
 def test_operators_take_the_robot_that_gains_most_and_rest_when_tired():

@@ -58,5 +58,5 @@ def test_only_the_omniscient_reference_is_privileged_and_free_to_speak():
 
 
 def test_unknown_policies_are_refused():
-    with pytest.raises(ValueError, match="unknown policy 'clever': use random, greedy, omniscient"):
+    with pytest.raises(ValueError, match="unknown policy 'clever': use random, greedy, greedy.no-query, omniscient"):
         find_policy("clever")

@@ -16,7 +16,7 @@ from ..entity_graphs import softmax_by
 from ..features import OPERATOR, PEER, PUBLIC, REPORT, RESOURCE, ROBOT, TASK_EDGE
 from ..graphs import Wants
 from ..heads import RobotLogits
-from ..networks import bounded, linear, mlp
+from ..networks import bounded, linear, mlp, pick
 from ..ragged import Edges
 from ..reconstruction import RobotReconstruction, TaskReconstruction
 from ..registry import About, Method, method
@@ -79,7 +79,7 @@ class InitialAllocation(nn.Module):
 
     def forward(self, robots: Tensor, rows: Tensor, edges: Tensor, task: Tensor, public: Tensor) -> Tensor:
         """[E] scores of edges [E] from tasks, rows of `public`, to robots, rows of `robots` [n, ROBOT.width]."""
-        robot, tasks, edge = self.robot(robots[:, INHERENT]), self.task(public), self.edge(edges[:, DISTANCE + ANNOUNCED])
+        robot, tasks, edge = self.robot(pick(robots, INHERENT)), self.task(public), self.edge(pick(edges, DISTANCE + ANNOUNCED))
         robot = self.to_robots(robot, (rows, tasks[task] + edge))
         tasks = self.to_tasks(tasks, (task, robot[rows] + edge))
         hidden = self.point_robot(robot)[rows] + self.point_task(tasks)[task] + self.point_edge(edge)
@@ -131,7 +131,8 @@ class RobotActor(nn.Module):
 
     def tasks_now(self, graphs, public: Tensor) -> tuple[Tensor, Tensor]:
         """(beliefs, what they depend on) of task edges, for their reconstruction."""
-        return graphs.task_edge[:, BELIEF], torch.cat([public[graphs.task], graphs.itself[graphs.rows][:, SITUATION]], dim=1)
+        situation = pick(graphs.itself, SITUATION)[graphs.rows]
+        return pick(graphs.task_edge, BELIEF), torch.cat([public[graphs.task], situation], dim=1)
 
 
 class OperatorActor(nn.Module):

@@ -6,7 +6,7 @@ from torch import Tensor, nn
 from ..critic import Critic
 from ..features import OPERATOR, PEER, PUBLIC, REPORT, RESOURCE, ROBOT, TASK_EDGE, Group
 from ..heads import RobotLogits
-from ..networks import MESSAGE, NODE, Relation, Update, after, bounded, head, linear, mlp
+from ..networks import MESSAGE, NODE, Relation, Update, after, bounded, head, linear, mlp, pick
 from ..ragged import Edges, edges_where
 from ..registry import About, Method, method
 
@@ -23,7 +23,7 @@ class Reading(nn.Module):
         self.width, self.whole = len(self.columns), not leaves_out
 
     def forward(self, rows: Tensor) -> Tensor:
-        return rows if self.whole else rows[..., self.columns]
+        return rows if self.whole else pick(rows, self.columns)
 
 
 class RobotActor(nn.Module):

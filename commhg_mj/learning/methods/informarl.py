@@ -12,7 +12,7 @@ from ..critic import N_PARTS, Agents, pick_agents
 from ..entity_graphs import EntityGraph, Near, measure, pair_up, within_reach
 from ..features import OPERATOR, PEER, PUBLIC, REPORT, ROBOT, STATE_MISSION, STATE_OPERATOR, STATE_ROBOT, STATE_TASK, TASK_EDGE
 from ..heads import RobotLogits
-from ..networks import NODE, bounded, linear
+from ..networks import NODE, bounded, linear, pick
 from ..ragged import Edges
 from ..registry import About, Method, method
 from ..states import States
@@ -23,12 +23,13 @@ A_ROBOT, A_TASK, AN_OPERATOR = 0, 1, 2  # types of entities
 # Columns by name. Of a robot as its peers and it itself see it, the same facts in the same order.
 OWN = ROBOT.columns("own", "mask", "public")
 OWN_FACTS = ROBOT.columns("is_ugv", "is_uav", "travelling", "servicing", "handover", "controlled", "has_task")
-PEER_FACTS = PEER.columns("is_ugv", "is_uav", "travelling", "servicing", "handover", "controlled", "has_task")
-SAME, CONTROLLED_BY = PEER.index("same_task"), PEER.index("has_controller")
+PEER_FACTS = PEER.columns(
+    "is_ugv", "is_uav", "travelling", "servicing", "handover", "controlled", "has_task", "same_task", "has_controller"
+)
 OF_TASK = TASK_EDGE.columns("estimate", "belief", "own", "claim_known")
 PUBLIC_OF_TASK = PUBLIC.columns("difficulty", "value", "decay")
 PEER_PLACE, TASK_PLACE, OWN_PLACE = PEER.columns("dx", "dy"), TASK_EDGE.columns("dx", "dy"), ROBOT.columns("x", "y")
-N_FACTS, N_OF_TASK = len(OWN_FACTS) + 2, len(OF_TASK) + len(PUBLIC_OF_TASK)
+N_FACTS, N_OF_TASK = len(PEER_FACTS), len(OF_TASK) + len(PUBLIC_OF_TASK)
 
 OF_OPERATOR = OPERATOR.columns("own", "public")
 REPORT_PLACE, TASK_DISTANCE = REPORT.columns("x", "y"), REPORT.columns("distance")
@@ -64,8 +65,8 @@ class RobotActor(nn.Module):
     def forward(self, graphs, public: Tensor) -> RobotLogits:
         own = graphs.own_edge.clamp(min=0)
         has_own = graphs.own_edge >= 0
-        tasks = torch.cat([graphs.task_edge[:, OF_TASK], public[graphs.task][:, PUBLIC_OF_TASK]], dim=1)
-        places = graphs.task_edge[:, TASK_PLACE]
+        tasks = torch.cat([pick(graphs.task_edge, OF_TASK), pick(public, PUBLIC_OF_TASK)[graphs.task]], dim=1)
+        places = pick(graphs.task_edge, TASK_PLACE)
         held = torch.where(has_own[:, None], places[own], 0.0) if len(places) else places.new_zeros(len(own), 2)
         at_me, agents, positions = self._agents(graphs, public, held)
         nodes = torch.cat([
@@ -74,7 +75,7 @@ class RobotActor(nn.Module):
         types = torch.cat([at_me.new_full((len(agents),), A_ROBOT), at_me.new_full((len(tasks),), A_TASK)])
         near = pair_up(graphs.peer_ptr, graphs.task_ptr, positions, places)
         embedded = self.graph(nodes, types, near, len(agents))[at_me]
-        hidden = self.body(torch.cat([graphs.itself[:, OWN], embedded], dim=1))
+        hidden = self.body(torch.cat([pick(graphs.itself, OWN), embedded], dim=1))
         score = Edges(graphs.task_ptr).score(self.score_task(tasks), None, self.score_robot(hidden), self.score.weight[0])
         score = score + self.score.bias
         keep_idle = self.keep_idle(hidden)
@@ -85,15 +86,15 @@ class RobotActor(nn.Module):
     def _agents(self, graphs, public, held):
         """(where each robot's own row is, rows of all agents, their places): each robot, then its peers."""
         me = graphs.itself
-        facts = me[:, OWN_FACTS]
+        facts = pick(me, OWN_FACTS)
         under = (facts[:, -3] + facts[:, -2])[:, None]  # handover, controlled: then it has a controller
         mine = torch.cat([torch.zeros_like(held), held, facts, facts[:, -1:], under], dim=1)
         peers = graphs.peer_edge
-        place = peers[:, PEER_PLACE]
+        place = pick(peers, PEER_PLACE)
         aims = (graphs.peer_task >= 0)[:, None]
-        goal = public[graphs.peer_task.clamp(min=0)][:, :2] - me[graphs.peer_rows][:, OWN_PLACE]
+        goal = public[graphs.peer_task.clamp(min=0)][:, :2] - pick(me, OWN_PLACE)[graphs.peer_rows]
         others = torch.cat(
-            [place, torch.where(aims, goal, place), peers[:, PEER_FACTS], peers[:, [SAME, CONTROLLED_BY]]], dim=1
+            [place, torch.where(aims, goal, place), pick(peers, PEER_FACTS)], dim=1
         )
         n = torch.arange(len(me), device=me.device)
         at_me, at_others = n + graphs.peer_ptr[:-1], torch.arange(len(peers), device=me.device) + graphs.peer_rows + 1
@@ -115,10 +116,10 @@ class OperatorActor(nn.Module):
 
     def forward(self, graphs) -> Tensor:
         known, k = graphs.known, len(graphs.known)
-        own, reports = graphs.itself[:, OF_OPERATOR], graphs.report[known]
+        own, reports = pick(graphs.itself, OF_OPERATOR), graphs.report[known]
         row_of, n = known.nonzero()[:, 0], int(known.sum())
-        robots, aims = reports[:, OF_REPORT], reports[:, HAS_TASK] > 0
-        tasks = reports[aims][:, OF_REPORTED]
+        robots, aims = pick(reports, OF_REPORT), reports[:, HAS_TASK] > 0
+        tasks = pick(reports[aims], OF_REPORTED)
         a, b, c = len(OF_OPERATOR), len(OF_REPORT), len(OF_REPORTED)
         nodes = torch.cat([
             functional.pad(own, (0, b + c)), functional.pad(robots, (a, c)), functional.pad(tasks, (a + b, 0)),
@@ -127,7 +128,7 @@ class OperatorActor(nn.Module):
         types = torch.cat([row_of.new_full((size,), kind) for size, kind in sizes])
         embedded = self.graph(nodes, types, self._near(graphs, reports, row_of, aims), k + n)
         hidden = self.body(torch.cat([own, embedded[:k]], dim=1))
-        told = self.score_embedded(embedded[k:]) + self.score_report(reports[:, OF_REPORT + OF_REPORTED])
+        told = self.score_embedded(embedded[k:]) + self.score_report(pick(reports, OF_REPORT + OF_REPORTED))
         scored = self.score(torch.relu(told + self.score_operator(hidden)[row_of]))[:, 0]
         score = scored.new_zeros(known.shape).masked_scatter(known, scored)
         held = score.gather(1, graphs.held.clamp(min=0)[:, None])[:, 0]
@@ -141,12 +142,12 @@ class OperatorActor(nn.Module):
         robots = k + torch.arange(n, device=reports.device)
         of_task = robots[aims]
         tasks = k + n + torch.arange(len(of_task), device=reports.device)
-        known, place = graphs.known, graphs.report[..., REPORT_PLACE]
+        known, place = graphs.known, pick(graphs.report, REPORT_PLACE)
         apart = ~torch.eye(known.shape[1], dtype=torch.bool, device=place.device)
         operator, one, other = (within_reach(place, place) & known[:, :, None] & known[:, None] & apart).nonzero().T
         number = known.flatten().cumsum(dim=0).view_as(known) - 1  # of a robot among all that were heard of
-        among = measure(number[operator, one], number[operator, other], reports[:, REPORT_PLACE])
-        distance = torch.cat([place.new_zeros(n, 1), reports[aims][:, TASK_DISTANCE], among.distance])
+        among = measure(number[operator, one], number[operator, other], pick(reports, REPORT_PLACE))
+        distance = torch.cat([place.new_zeros(n, 1), pick(reports[aims], TASK_DISTANCE), among.distance])
         return Near(torch.cat([row_of, of_task, k + among.receiver]), torch.cat([robots, tasks, k + among.source]), distance)
 
 
@@ -186,14 +187,14 @@ class GraphCritic(nn.Module):
     def _near(self, states, tasks) -> Near:
         """Into robots from near robots and open tasks; into operators, who have no place, from all robots."""
         (s, r), h = states.robot.shape[:2], states.operator.shape[1]
-        place, goal = states.robot[..., STATE_PLACE], states.task[..., STATE_TASK_PLACE]
+        place, goal = pick(states.robot, STATE_PLACE), pick(states.task, STATE_TASK_PLACE)
         number = torch.zeros_like(states.is_open, dtype=torch.long)
         number[states.is_open] = torch.arange(len(tasks), device=place.device) + s * (r + h)
         apart = ~torch.eye(r, dtype=torch.bool, device=place.device)
         peers = (within_reach(place, place) & apart).nonzero()
         near_tasks = (within_reach(place, goal) & states.is_open[:, None]).nonzero()
         whole = torch.cartesian_prod(*(torch.arange(size, device=place.device) for size in (s, h, r))) if h else peers[:0]
-        places = torch.cat([place.flatten(0, 1), place.new_zeros(s * h, 2), tasks[:, STATE_TASK_PLACE]])
+        places = torch.cat([place.flatten(0, 1), place.new_zeros(s * h, 2), pick(tasks, STATE_TASK_PLACE)])
         robot = lambda pairs, column: pairs[:, 0] * r + pairs[:, column]
         near = measure(
             torch.cat([robot(peers, 1), robot(near_tasks, 1)]),

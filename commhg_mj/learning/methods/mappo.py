@@ -9,7 +9,7 @@ from torch import Tensor, nn
 from ..critic import N_PARTS, Agents, mean_agents, pick_agents
 from ..features import OPERATOR, PEER, REPORT, RESOURCE, ROBOT, STATE_MISSION, STATE_OPERATOR, STATE_ROBOT, STATE_TASK, TASK_EDGE
 from ..heads import LEFT_OUT, RobotLogits
-from ..networks import NODE, bounded, linear
+from ..networks import NODE, bounded, linear, pick
 from ..registry import About, Method, method
 from ..states import States
 
@@ -46,7 +46,7 @@ def read_robot(graphs) -> tuple[Tensor, Tensor]:
     peers, _ = best_edges(graphs.peer_ptr, graphs.peer_rows, graphs.peer_edge, graphs.peer_edge[:, FRESH], N_PEERS)
     # The own operator, then who was heard of to be free, then the others, the newest records first.
     operators = graphs.resource
-    is_free = operators[..., KNOWN] * (operators[..., ENGAGED].sum(dim=2) == 0)
+    is_free = operators[..., KNOWN] * (pick(operators, ENGAGED).sum(dim=2) == 0)
     operators, _ = best_rows(operators, 4.0 * operators[..., MINE] + 2.0 * is_free + operators[..., HEARD], N_OPERATORS)
     return torch.cat([graphs.itself, tasks, peers, operators], dim=1), picked
 
