@@ -53,13 +53,15 @@ class Attention(nn.Module):
 
     def forward(self, agents: Tensor, near: Near) -> Tensor:
         """[n, width] of agents [n, width]; sources are agents, too."""
-        split = lambda rows: rows.view(-1, self.heads, self.width)
-        distance = self.distance(near.distance)
-        key, value = (split(layer(agents)[near.source] + distance) for layer in (self.key, self.value))
-        score = (split(self.query(agents)[near.receiver]) * key).sum(dim=2) / self.width**0.5
-        weight = softmax_by(near.receiver, score, len(agents))
-        heads = value.new_zeros(len(agents), self.heads, self.width).index_add(0, near.receiver, weight[..., None] * value)
-        return torch.relu(self.itself(agents) + heads.mean(dim=1))
+        query, key, value = (layer(agents).view(-1, self.heads, self.width) for layer in (self.query, self.key, self.value))
+        # Keys and values have the mapped distance added; by linearity it is multiplied once an agent, not once an edge.
+        along = self.distance.weight.view(self.heads, self.width)
+        score = (query[near.receiver] * key[near.source]).sum(dim=2) + near.distance * (query * along).sum(dim=2)[near.receiver]
+        weight = softmax_by(near.receiver, score / self.width**0.5, len(agents))
+        values = (weight[..., None] * value[near.source]).mean(dim=1)
+        told = torch.zeros_like(agents).index_add(0, near.receiver, values)
+        far = weight.new_zeros(len(agents), self.heads).index_add(0, near.receiver, weight * near.distance)
+        return torch.relu(self.itself(agents) + told + far @ along / self.heads)
 
 
 def softmax_by(receiver: Tensor, score: Tensor, n: int) -> Tensor:
