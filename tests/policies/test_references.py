@@ -22,7 +22,7 @@ def drawn(batch, times=10):
 
 def test_random_is_uniform_over_open_choices():
     n = 3000
-    batch = MissionBatch(plain(n_uav=1, n_operators=2, n_tasks=3, time_limit=30), range(n // 10))
+    batch = MissionBatch(plain(n_uav=1, n_operators=2, n_tasks=3, time_limit=30), range(n // 10), "abstract")
     decisions = drawn(batch)
     assert len(decisions.task) == n
     open_tasks = 2 + batch.observations.robot_tasks["legal"][0].sum()
@@ -44,7 +44,7 @@ def test_random_is_uniform_over_open_choices():
 
 
 def test_random_speaks_half_of_the_time():
-    decisions = drawn(MissionBatch(plain(n_uav=2, time_limit=30), range(150)))
+    decisions = drawn(MissionBatch(plain(n_uav=2, time_limit=30), range(150), "abstract"))
     assert len(decisions.broadcast) == 3000 and abs(decisions.broadcast.mean() - 0.5) < 4 * np.sqrt(0.25 / 3000)
 
 
