@@ -458,7 +458,7 @@ def test_interrupted_while_a_video_is_written(run, trace, tmp_path, monkeypatch)
 
 
 def test_a_reader_that_goes_away(tiny):
-    command = [sys.executable, "-m", "commhg_mj.cli", "run", "--scenario", str(tiny), "--json"]
+    command = [sys.executable, "-m", "commhg_mj.cli", "scenarios", str(tiny)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         process.stdout.close()
         assert "Traceback" not in process.stderr.read()
