@@ -12,6 +12,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from fingerprints import all_fingerprints
 from numpy._core import _multiarray_umath as processor
 
 FINGERPRINTS = Path(__file__).parent / "fingerprints.py"
@@ -21,7 +22,6 @@ OLD_NUMPY = {"NPY_DISABLE_CPU_FEATURES": ",".join(HERE & set(processor.__cpu_dis
 OLD_SYSTEM = {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX512F,-AVX2,-FMA,-FMA4,-AVX2_Usable,-FMA_Usable"}
 OLD_OPENCV = {"OPENCV_CPU_DISABLE": "AVX512-SKX,AVX2,FMA3,AVX,SSE4.2,SSE4.1"}
 PROCESSORS = {
-    "this one": {},
     "an old one": {"OPENBLAS_CORETYPE": "Nehalem", **OLD_NUMPY, **OLD_SYSTEM, **OLD_OPENCV},
     "one with AVX2": {"OPENBLAS_CORETYPE": "Haswell", "NPY_DISABLE_CPU_FEATURES": ",".join(HERE & {"X86_V4", "AVX512_ICL"})},
     "one with AVX-512": {"OPENBLAS_CORETYPE": "SkylakeX"},
@@ -33,12 +33,19 @@ NEEDS = {"one with AVX2": "AVX2", "one with AVX-512": "AVX512_SKX"}
 EXPECTED = {name: value for name, value in GOLDEN.items() if platform.machine() == "x86_64" or not name.startswith("links")}
 
 
+def expected_of(found):
+    return {name: value for name, value in found.items() if name in EXPECTED}
+
+
 def fingerprints(variables):
     settings = {name: value for name, value in variables.items() if value}
     run = subprocess.run([sys.executable, FINGERPRINTS], env=os.environ | settings, capture_output=True, text=True)
     assert run.returncode == 0, run.stderr
-    found = json.loads(run.stdout)
-    return {name: value for name, value in found.items() if name in EXPECTED}
+    return expected_of(json.loads(run.stdout))
+
+
+def test_the_same_bits_on_this_processor(tmp_path):
+    assert expected_of(all_fingerprints(tmp_path)) == EXPECTED
 
 
 @pytest.mark.parametrize("name", [pytest.param(name, marks=pytest.mark.slow if "AVX2" in name else ()) for name in PROCESSORS])

@@ -148,6 +148,12 @@ def cos(x):
     return wave(n + 1, r)
 
 
+@kernel
+def directions(angles):
+    """(cosines, sines) of angles [n] [rad]: loaded from disk, whereas `cos` of an array is compiled in every process."""
+    return cos(angles), sin(angles)
+
+
 @formula
 def erfc(x):
     """Complementary error function of x >= 0; relative error below 1e-14 up to x = 10."""

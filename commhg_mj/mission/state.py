@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..base.elementary_functions import expm1, log1p
-from ..base.kernels import record
+from ..base.kernels import kernel, record
 from ..base.terms import Fate, Kind
 from ..models.routes import new_scratch
 from ..models.world import World
@@ -252,6 +252,12 @@ def wire(state: State, log, e: int, ground: Ground) -> None:
         mission[f"{name}_at"] = array.ctypes.data
 
 
+@kernel
+def _hazard(share, seconds):
+    """Chance of a failure in one second, where that share fails within so many."""
+    return -expm1(log1p(-share) / seconds)
+
+
 def write_rules(missions, scenario: Scenario, links: str, limitation: str) -> None:
     """Fill in the scenario's numbers under one link model and one limitation level."""
     side, limit = scenario.map_side, scenario.time_limit
@@ -268,7 +274,7 @@ def write_rules(missions, scenario: Scenario, links: str, limitation: str) -> No
     rules["late_low"], rules["late_high"] = transport.late_delay
     rules["message_bytes"] = [getattr(transport, f"{kind.name.lower()}_bytes") for kind in Kind]
     rules["speed"] = (robots.autonomous_speed, robots.controlled_speed)
-    rules["hazard"] = -expm1(log1p(-robots.malfunction) / limit)
+    rules["hazard"] = _hazard(robots.malfunction, limit)
     rules["controlled_hazard"] = robots.controlled_hazard * rules["hazard"]
     rules["sensing_radius"] = robots.sensing_radius * side
     rules["pending_cost"] = scenario.reward.pending

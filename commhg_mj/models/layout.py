@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from ..base.arguments import numbers
-from ..base.elementary_functions import cos, distance, sin
+from ..base.elementary_functions import directions, distance
 from ..base.terms import Footprint
 from ..scenarios import Scenario
 from ..scenarios.heightmap import PLAIN
@@ -90,7 +90,8 @@ def _triangles(surface, grid):
 
 def unit_frame(parts, inflation=0.0) -> np.ndarray:
     """Maps that turn each (inflated) ellipse into the unit circle: rows (x, y, m00, m01, m10, m11)."""
-    along, across = cos(parts["angle"]), sin(parts["angle"])
+    angles = np.array(parts["angle"])
+    along, across = (each.reshape(angles.shape) for each in directions(angles.ravel()))
     a, b = parts["a"] + inflation, parts["b"] + inflation
     return np.stack([parts["x"], parts["y"], along / a, across / a, -across / b, along / b], axis=-1)
 
@@ -240,7 +241,8 @@ def _draw_forests(scenario, station, mountains, rng):
             angle += rng.uniform(1.2, 2.4)
             r = radius * rng.uniform(0.5, 0.75)
             d = radius * rng.uniform(0.7, 0.95)
-            discs.append((group, x + d * cos(angle), y + d * sin(angle), r, height))
+            [east], [north] = directions(np.array([angle]))
+            discs.append((group, x + d * east, y + d * north, r, height))
     parts = np.zeros(len(discs), PART)
     for i, (group, *disc) in enumerate(discs):
         x, y, r, height = np.round(disc, 2)

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
-from ..base.elementary_functions import cos, distance, sin
+from ..base.elementary_functions import directions, distance
 from ..base.kernels import kernel
 from .layout import inside_any, unit_frame
 
@@ -192,11 +192,11 @@ def _link_corners(frames, corners, starts, ends, lengths):
 def obstacle_corners(parts, radius, side) -> tuple[np.ndarray, np.ndarray]:
     """(frames [parts, 6], corners [n, 6]) of the footprints inflated by `radius`, on a map of `side` metres."""
     frames = unit_frame(parts, radius).reshape(-1, 6)
-    turn = 2 * np.pi * np.arange(CORNERS) / CORNERS
-    reach = (1 + GAP) / cos(np.pi / CORNERS)
+    east, north = directions(2 * np.pi * np.arange(CORNERS) / CORNERS)
+    reach = (1 + GAP) / directions(np.array([np.pi / CORNERS]))[0][0]
     a, b = (parts[axis][:, None] + radius for axis in "ab")
-    u, v = a * reach * cos(turn), b * reach * sin(turn)
-    along, across = cos(parts["angle"])[:, None], sin(parts["angle"])[:, None]
+    u, v = a * reach * east, b * reach * north
+    along, across = (each[:, None] for each in directions(np.array(parts["angle"])))
     ring = np.stack([parts["x"][:, None] + along * u - across * v, parts["y"][:, None] + across * u + along * v], -1)
     corners = np.concatenate([ring, np.roll(ring, 1, 1), np.roll(ring, -1, 1)], -1).reshape(-1, 6)
     xy = corners[:, :2]

@@ -100,9 +100,9 @@ def radio_rules(scenario: Scenario, links: str, limitation: str) -> np.void:
     rules["range"] = transport.range[level] * scenario.map_side if is_capped else np.inf
     rules["forest_decay"], rules["mountain_decay"] = decays
     rules["exact_when_clear"] = radio.profile == "matched"
-    noise = budget.noise_power(radio.bandwidth, radio.noise_figure)
+    noise = budget.noise_of(radio.bandwidth, radio.noise_figure)
     rules["clear_snr"] = radio.transmit_power - noise - system_loss(scenario, limitation)
-    rules["frequency"], rules["wavelength"] = radio.frequency, budget.wavelength(radio.frequency)
+    rules["frequency"], rules["wavelength"] = radio.frequency, budget.wavelength_of(radio.frequency)
     rules["is_weissberger"], rules["is_bullington"] = radio.foliage == "weissberger", radio.diffraction == "bullington"
     for name in ("foliage_rate", "foliage_limit", "shadowing", "shadowing_length"):
         rules[name] = getattr(radio, name)
@@ -126,11 +126,11 @@ def system_loss(scenario: Scenario, limitation: str) -> float:
         metres, snr = ranges[0] * scenario.map_side, snr_of_delivery(0.5) + radio.margin
     else:
         metres, snr = ranges[LIMITATIONS.index(limitation)] * scenario.map_side, snr_of_delivery(EDGE_DELIVERY)
-    received = radio.transmit_power - budget.free_space_loss(metres, radio.frequency)
-    return float(received - budget.noise_power(radio.bandwidth, radio.noise_figure) - snr)
+    received = radio.transmit_power - budget.free_space_of(metres, radio.frequency)
+    return float(received - budget.noise_of(radio.bandwidth, radio.noise_figure) - snr)
 
 
 @cache
 def snr_of_delivery(share: float) -> float:
     """The SNR [dB] at which that share of the reference packets is received."""
-    return brentq(lambda snr: 1.0 - budget.packet_error(snr, REFERENCE_SIZE) - share, -20.0, 40.0)
+    return brentq(lambda snr: 1.0 - budget.error_of(snr, REFERENCE_SIZE) - share, -20.0, 40.0)

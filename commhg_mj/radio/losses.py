@@ -7,7 +7,7 @@ Sources: Recommendations ITU-R P.525 (free space), P.526 (diffraction), P.833 (v
 import numpy as np
 
 from ..base.elementary_functions import erfc, exp, expm1, log1p, log10, power
-from ..base.kernels import formula
+from ..base.kernels import formula, kernel
 
 LIGHT = 299_792_458.0  # m/s
 THERMAL_NOISE = -174.0  # dBm/Hz at 290 K
@@ -91,3 +91,30 @@ def packet_error(snr, size):
         3322763.0 + d2 * (21292910.0 + d2 * 134365911.0)))))))  # fmt: skip
     bit_error = min(1.0, 0.5 * d2**5 * union)
     return -expm1(8.0 * size * log1p(-bit_error)) if bit_error < 1.0 else 1.0
+
+
+# Of numbers outside kernels: these are loaded from disk, whereas a formula's way with arrays is compiled in every process.
+
+
+@kernel
+def wavelength_of(frequency):
+    """`wavelength` of a number."""
+    return wavelength(frequency)
+
+
+@kernel
+def free_space_of(metres, frequency):
+    """`free_space_loss` of numbers."""
+    return free_space_loss(metres, frequency)
+
+
+@kernel
+def noise_of(bandwidth, noise_figure):
+    """`noise_power` of numbers."""
+    return noise_power(bandwidth, noise_figure)
+
+
+@kernel
+def error_of(snr, size):
+    """`packet_error` of numbers."""
+    return packet_error(snr, size)

@@ -7,7 +7,7 @@ positions, and both directions of a link see the same.
 
 import numpy as np
 
-from ..base.elementary_functions import cos, sin
+from ..base.elementary_functions import cos, directions
 from ..base.kernels import kernel
 
 N_WAVES = 64
@@ -23,7 +23,8 @@ def draw_waves(seed: int) -> np.ndarray:
     u = 1.0 - rng.random(N_WAVES)
     k = np.sqrt(1.0 / (u * u) - 1.0)
     bearing, phase = rng.uniform(0, 2 * np.pi, (2, N_WAVES))
-    return np.stack([k * cos(bearing), k * sin(bearing), phase], axis=-1)
+    east, north = directions(bearing)
+    return np.stack([k * east, k * north, phase], axis=-1)
 
 
 @kernel

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 
 import pytest
 
+import commhg_mj
 from commhg_mj.base.opengl import PACKAGES, choose_backend
 
 HIDE = "sys.modules['mujoco.{}'] = None"
@@ -24,6 +25,11 @@ BROKEN = """
 os.environ['PYOPENGL_PLATFORM'] = 'egl'
 import mujoco.egl
 mujoco.egl.create_initialized_egl_device_display = lambda: mujoco.egl.EGL.EGL_NO_DISPLAY
+"""
+ALONE = f"""
+package = type(sys)("commhg_mj")
+package.__path__ = [{str(Path(commhg_mj.__file__).parent)!r}]
+sys.modules["commhg_mj"] = package
 """
 MAKE = """
 from commhg_mj.base.opengl import make_context
@@ -80,8 +86,8 @@ def run(*code, **variables) -> subprocess.CompletedProcess:
 
 
 def choose(*preparations) -> str:
-    """What `make_context` says in a fresh process."""
-    return run("import mujoco", *preparations, MAKE).stdout.strip()
+    """What `make_context` says in a fresh process, which imports no other room."""
+    return run("import mujoco", ALONE, *preparations, MAKE).stdout.strip()
 
 
 def test_egl_is_the_default():
@@ -115,7 +121,7 @@ def test_dm_control_finds_opengl_without_a_screen(screen):
 
 @pytest.mark.parametrize("broken", [HIDE.format("egl"), BROKEN], ids=["no EGL", "EGL without a display"])
 def test_dm_control_falls_back_on_osmesa(broken):
-    assert run(broken, FAKE, CHOOSE).stdout.split() == ["osmesa"]
+    assert run(ALONE, broken, FAKE, CHOOSE).stdout.split() == ["osmesa"]
 
 
 @pytest.mark.parametrize("chosen, screen", [(None, True), ("off", False)])

@@ -112,16 +112,13 @@ def test_limitation_and_seed_count(run, tiny):
     assert missions("--missions", 2, "--limitation", "high") != nominal
 
 
-def test_workers_do_not_show(run, tiny, monkeypatch, tmp_path):
-    monkeypatch.setattr(fly, "CHUNK", 1)
-    one, two = (
-        run("run", "--scenario", tiny, "--missions", 3, "--workers", n, "--out", f"of{n}", "--json") for n in (1, 2)
-    )
-    assert one[:2] == two[:2] and one[0] == 0
-    names = [f"tiny-greedy-{seed}.npz" for seed in range(3)]
-    assert [path.name for path in sorted((tmp_path / "of2").iterdir())] == names
-    for name in names:
-        assert (tmp_path / "of1" / name).read_bytes() == (tmp_path / "of2" / name).read_bytes()
+def test_workers_are_passed_on(run, tiny, monkeypatch):
+    """They do not show: tests/flights/test_fly.py."""
+    asked = []
+    monkeypatch.setattr("commhg_mj.cli.missions.fly", lambda *rest: asked.append(rest[6]) or fly.fly(*rest[:6], 1, *rest[7:]))
+    for options in ([], ["--workers", 2]):
+        assert run("run", "--scenario", tiny, *options)[0] == 0
+    assert asked == [1, 2]
 
 
 def test_out_keeps_one_trace_a_mission(run, tiny, tmp_path):
@@ -461,7 +458,7 @@ def test_interrupted_while_a_video_is_written(run, trace, tmp_path, monkeypatch)
 
 
 def test_a_reader_that_goes_away(tiny):
-    command = [sys.executable, "-m", "commhg_mj.cli", "run", "--scenario", str(tiny), "--json"]
+    command = [sys.executable, "-m", "commhg_mj.cli", "scenarios", str(tiny)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         process.stdout.close()
         assert "Traceback" not in process.stderr.read()

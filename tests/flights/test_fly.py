@@ -18,11 +18,14 @@ from commhg_mj.scenarios import SCENARIOS
 SHORT = change(SCENARIOS["small"], time_limit=60)
 
 
-def test_processes_and_chunks_change_no_score(monkeypatch):
-    seeds, ended = range(2 * study.CHUNK + 3), []
-    alone = study.fly(SHORT, "greedy", seeds, advance=ended.append)
+def test_processes_and_chunks_change_no_score_and_no_trace(monkeypatch, tmp_path):
+    seeds, ended, (one, two) = range(2 * study.CHUNK + 3), [], (tmp_path / "of1", tmp_path / "of2")
+    one.mkdir(), two.mkdir()
+    alone = study.fly(SHORT, "greedy", seeds, advance=ended.append, out=one)
     assert sum(ended) == pytest.approx(len(seeds)) and len(seeds) == len(alone)
-    assert study.fly(SHORT, "greedy", seeds, workers=2) == alone
+    assert study.fly(SHORT, "greedy", seeds, workers=2, out=two) == alone
+    traces = [{path.name: path.read_bytes() for path in folder.iterdir()} for folder in (one, two)]
+    assert traces[0] == traces[1] and len(traces[0]) == len(seeds)
     monkeypatch.setattr(study, "CHUNK", 5)
     assert study.fly(SHORT, "greedy", seeds) == alone
     assert study.fly(SHORT, "greedy", [7, 3]) == [alone[7], alone[3]]

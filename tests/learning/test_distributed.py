@@ -32,7 +32,8 @@ def train_together(group, folder):
     assert resumed.updates == 2 and same_bits(updated(resumed, 1), training)
 
 
-def die(group):
+def die(group, folder):
+    train_together(group, folder)
     group.total(1)
     os._exit(1)
 
@@ -62,9 +63,12 @@ def test_parts_add_up(n, size):
     assert sum(parts) == n and max(parts) - min(parts) <= 1
 
 
-def test_processes_hold_the_same_bits_and_resume_to_them(tmp_path):
-    with process_group(SIZE, train_together, tmp_path) as group:
+def test_processes_hold_the_same_bits_and_resume_to_them_and_the_end_of_one_is_told(tmp_path):
+    with pytest.raises(WorkerEnded, match="another process"), process_group(SIZE, die, tmp_path) as group:
         train_together(group, tmp_path)
+        group.total(1)
+        for _ in range(100):
+            group.total(1)
     one, other = (torch.load(tmp_path / f"{rank}.pt", weights_only=True) for rank in range(SIZE))
     assert all(torch.equal(one["method"][name], other["method"][name]) for name in one["method"])
     assert one["counts"] == other["counts"] and one["counts"][1] == one["own"][0] + other["own"][0] > 0
@@ -88,13 +92,6 @@ def test_a_step_follows_the_crews_average(tmp_path):
     assert training.update()["grad_norm"] == 0
     assert all(map(torch.equal, training.method.parameters(), before))
     assert not training.learner.optimizer.state, "to Adam a gradient of zero is a step"
-
-
-def test_the_end_of_another_process_is_told():
-    with pytest.raises(WorkerEnded, match="another process"), process_group(SIZE, die) as group:
-        group.total(1)
-        for _ in range(100):
-            group.total(1)
 
 
 def test_a_network_that_does_not_work_is_named(tmp_path, monkeypatch):

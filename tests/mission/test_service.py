@@ -63,7 +63,7 @@ def test_success_comes_as_often_as_difficulty_says(difficulty, expected):
         service_per_difficulty=0.0, success_autonomous=(0.9, 0.5), autonomous_speed=(1000.0, 1000.0), time_limit=30,
     )  # fmt: skip
     n = 600
-    batch = MissionBatch(scenario, range(n))
+    batch = MissionBatch(scenario, range(n), "abstract")
     while not batch.over.all():
         batch.step(stay(batch.observations))
     # One second to arrive, one for every attempt: the first attempts end at 2.
@@ -81,7 +81,7 @@ def test_control_and_fatigue_change_the_odds_of_success():
             success_autonomous=(0.5, 0.0), success_controlled=(0.9, 0.2, 0.4), fatigue_rate=0.0, recovery_rate=0.0,
             time_limit=70, autonomous_speed=(1000.0, 1000.0), fatigue_slowdown=0.0, generalist=(1.0, 1.0),
         )  # fmt: skip
-        batch = MissionBatch(scenario, range(n))
+        batch = MissionBatch(scenario, range(n), "abstract")  # whose worlds are drawn fastest
         batch.state.operators["fatigue"] = fatigue
         while not batch.over.all():
             decisions = stay(batch.observations)
@@ -270,7 +270,7 @@ def test_a_partly_serviced_task_does_not_change_even_when_left():
 
 def test_malfunctions_come_as_often_as_the_scenario_says():
     scenario = plain(n_uav=8, n_operators=0, malfunction=0.3, time_limit=80)
-    batch = fly(MissionBatch(scenario, range(100)), Wanderer())
+    batch = fly(MissionBatch(scenario, range(100), "abstract"), Wanderer())
     failed, n = np.mean(batch.state.robots["activity"] == Activity.FAILED), 800
     assert abs(failed - 0.3) < 4 * np.sqrt(0.21 / n) + 0.02
     lucky = fly(MissionBatch(plain(malfunction=0.0, time_limit=80), range(5)), Wanderer())

@@ -6,14 +6,25 @@ from flying import fly, plain
 
 from commhg_mj.base.terms import IDLE, KEEP, NOBODY, REST
 from commhg_mj.mission.batch import MissionBatch, stay
+from commhg_mj.mission.decide import Decisions
 from commhg_mj.policies import POLICIES, find_policy, prepare
 from commhg_mj.policies.random import Random
 
 
+def drawn(batch, times=10):
+    """What Random decides of what is seen now, with some seeds a mission, one after the other."""
+    random, found = Random(batch), []
+    for k in range(times):
+        random.seeds = np.arange(k * len(batch.seeds), (k + 1) * len(batch.seeds), dtype=np.uint64)
+        found.append(random(batch.observations))
+    return Decisions(*map(np.concatenate, zip(*found)))
+
+
 def test_random_is_uniform_over_open_choices():
     n = 3000
-    batch = MissionBatch(plain(n_uav=1, n_operators=2, n_tasks=3, time_limit=30), range(n))
-    decisions = Random(batch)(batch.observations)
+    batch = MissionBatch(plain(n_uav=1, n_operators=2, n_tasks=3, time_limit=30), range(n // 10), "abstract")
+    decisions = drawn(batch)
+    assert len(decisions.task) == n
     open_tasks = 2 + batch.observations.robot_tasks["legal"][0].sum()
     for j in (KEEP, IDLE):
         assert abs(np.mean(decisions.task == j) - 1 / open_tasks) < 4 * np.sqrt(0.25 / n)
@@ -27,15 +38,14 @@ def test_random_is_uniform_over_open_choices():
     assert np.all(decisions.operator == REST), "nobody has been heard of"
     while len(batch.observations.operators) == 0 or not batch.observations.operator_reports["legal"].all():
         batch.step(stay(batch.observations), seconds=1)
-    operator = Random(batch)(batch.observations).operator
+    operator = drawn(batch).operator
     for choice in (REST, 0):
         assert abs(np.mean(operator == choice) - 1 / 2) < 4 * np.sqrt(0.25 / len(operator))
 
 
 def test_random_speaks_half_of_the_time():
-    batch = MissionBatch(plain(n_uav=2, time_limit=30), range(1500))
-    decisions = Random(batch)(batch.observations)
-    assert abs(decisions.broadcast.mean() - 0.5) < 4 * np.sqrt(0.25 / 3000)
+    decisions = drawn(MissionBatch(plain(n_uav=2, time_limit=30), range(150), "abstract"))
+    assert len(decisions.broadcast) == 3000 and abs(decisions.broadcast.mean() - 0.5) < 4 * np.sqrt(0.25 / 3000)
 
 
 def mean_twcr(name, n=24, **kwargs):

@@ -35,7 +35,6 @@ ANSWERED = ("mountain", "passing", "on_time", "late")  # what rays do not fill i
 link_model = commhg_mj.link_model
 
 
-@link_model("test-fading")
 def fading(a, b, size, link):
     """Whatever there is to read."""
     if link.is_blocked and link.nu > 10.0:
@@ -44,24 +43,34 @@ def fading(a, b, size, link):
     return low * math.exp(-link.metres / 400.0 - link.forest / 50.0 - link.mountain / 90.0 - size / 1000.0)
 
 
-@link_model("test-ends")
 def ends(a, b, size, link):
     return (a[0] + 10 * a[1] + 100 * a[2] + 1000 * b[0] + 10_000 * b[1] + 100_000 * b[2] + 1_000_000 * size) / 1e7
 
 
-link_model("test-echo")(lambda a, b, size, link: link.passing)
-link_model("test-everything")(lambda a, b, size, link: 1.0)
-link_model("test-nothing")(lambda a, b, size, link: 0.0)
-link_model("test-size")(lambda a, b, size, link: size)
-link_model("test-whole")(lambda a, b, size, link: 1)
-link_model("test-truth")(lambda a, b, size, link: link.metres < 300)
-link_model("test-fresh")(lambda a, b, size, link: np.isnan(link.on_time) and np.isnan(link.late))
-
-
-@link_model("test-clear")
 def clear(a, b, size, link):
     is_free = link.forest == 0.0 and link.mountain == 0.0 and link.is_blocked == 0.0 and link.nu == -np.inf
     return is_free and link.foliage == 0.0 and link.diffraction == 0.0 and link.snr > 50.0 and link.passing == 1.0
+
+
+MODELS = {
+    "fading": fading,
+    "ends": ends,
+    "clear": clear,
+    "echo": lambda a, b, size, link: link.passing,
+    "everything": lambda a, b, size, link: 1.0,
+    "nothing": lambda a, b, size, link: 0.0,
+    "size": lambda a, b, size, link: size,
+    "whole": lambda a, b, size, link: 1,
+    "truth": lambda a, b, size, link: link.metres < 300,
+    "fresh": lambda a, b, size, link: np.isnan(link.on_time) and np.isnan(link.late),
+}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def registered():
+    """Compiled where they are wanted alone."""
+    for name, function in MODELS.items():
+        assert link_model(f"test-{name}")(function) is function
 
 
 def some_links(seed, n=400):
@@ -236,6 +245,7 @@ for stored in (batch, Path(sys.argv[2]).read_bytes()):
         print(error)
 import test_custom as here
 
+here.link_model("test-fading")(here.fading)
 print(here.fingerprint(here.history(here.fly(pickle.loads(batch), here.Wanderer(2)))))
 """
 

@@ -232,7 +232,7 @@ def test_the_share_is_the_picture_at_its_pixels_linear_between_and_0_on_the_plai
 @every_picture
 def test_ellipses_cover_the_raised_ground_tightly(name):
     scenario = with_picture(PICTURES[name])
-    xy, layout = grid(700, margin=0.1), make_world(scenario, 0).layout
+    xy, layout = grid(480, margin=0.1), make_world(scenario, 0).layout
     raised = relief.height_share(scenario.world.heightmap, xy) > 0
     covered = inside_any(unit_frame(layout.mountains), (xy * layout.side).reshape(-1, 2)).reshape(raised.shape)
     assert not np.any(raised & ~covered)
