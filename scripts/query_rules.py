@@ -61,7 +61,7 @@ def asking(when: int, clock: float):
 
 def main(names, n_missions, links):
     seeds = range(CALIBRATION, CALIBRATION + n_missions)
-    print(f"| scenario | limitation | a robot asks | unless a report is fresher than | minus greedy+no-query, {n_missions} missions |")
+    print("| scenario | limitation | a robot asks | unless a report is fresher than | minus greedy+no-query |")
     print("|---|---|---|---|---|")
     for name in names:
         for limitation in ("nominal", "high"):
