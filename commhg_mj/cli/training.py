@@ -205,7 +205,7 @@ class Curves:
 
     runs: tyro.conf.Positional[tuple[Path, ...]]
     """folders of runs on one scenario"""
-    out: Path = Path("renders/learning-curves.png")
+    out: Path = Path("learning-curves.png")
     """figure"""
     missions: int = 200
     """held-out missions for each file of weights"""
@@ -216,9 +216,9 @@ class Curves:
         from ..study.learning_curves import draw_curves, study_runs
         from .tables.curves import curves_table
 
-        check_file(self.out)
         if not self.runs:
             raise ValueError("RUNS: name at least one folder of a run")
+        check_file(self.out)
         at_least("missions", self.missions, 2)
         at_least("workers", self.workers, 1)
         with progress("flying", self.missions * (1 + 2 * len(self.runs))) as advance:

@@ -173,7 +173,7 @@ PEER = Group(
 
 PAST = Group(
     "earlier report",
-    ("known", "known", "there is one", FLAG, "age"),
+    ("exists", "known", "there is one", FLAG, "age"),
     ("x", "belief", "where it was, east", SIDE, "x"),
     ("y", "belief", "where it was, north", SIDE, "y"),
     ("travelling", "belief", "it was on its way", FLAG, "activity"),

@@ -11,6 +11,7 @@ from scipy.optimize import linear_sum_assignment
 from ..base.terms import IDLE
 from ..scenarios import Scenario
 from .features import ROBOT, TASK_EDGE
+from .graphs import RobotGraphs
 
 TIME, VALUE_RATE = ROBOT.index("time"), TASK_EDGE.index("value_rate")
 
@@ -20,12 +21,12 @@ def without_initializer(scenario: Scenario) -> Scenario:
     return dataclasses.replace(scenario, decisions=dataclasses.replace(scenario.decisions, first_targets="policy"))
 
 
-def beginners(graphs) -> np.ndarray:
+def beginners(graphs: RobotGraphs) -> np.ndarray:
     """[n] rows of robots whose mission begins and who have no first target."""
     return np.flatnonzero((graphs.itself[:, TIME] == 0.0) & ~graphs.keep_idle[:, 0])
 
 
-def take_turns(graphs, score: np.ndarray):
+def take_turns(graphs: RobotGraphs, score: np.ndarray) -> tuple[RobotGraphs, np.ndarray]:
     """(graphs with what was open to beginners in their turn, their picks: [n] edges, or IDLE where nothing is left).
 
     Args:
@@ -44,7 +45,7 @@ def take_turns(graphs, score: np.ndarray):
     return graphs._replace(task_legal=legal, keep_idle=keep_idle), picks
 
 
-def assign(graphs) -> np.ndarray:
+def assign(graphs: RobotGraphs) -> np.ndarray:
     """[E] scores of edges: 1 for those of an optimal assignment of tasks to beginners, as the initializer's, else 0."""
     score, rows = np.zeros(len(graphs.task)), beginners(graphs)
     for mission in np.unique(graphs.mission[rows]):

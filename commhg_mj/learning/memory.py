@@ -39,7 +39,7 @@ def forget(remembered):
     """Of one actor [R, n]: its mission begins."""
     for r in range(remembered.shape[0]):
         for i in range(remembered.shape[1]):
-            remembered[r, i].known = 0.0
+            remembered[r, i].exists = 0.0
 
 
 @kernel
@@ -49,12 +49,12 @@ def recall(remembered, row, now, scale, out):
     if last < 0:
         return
     time = now - row.age
-    if not remembered[last].known or time > remembered[last].since:
+    if not remembered[last].exists or time > remembered[last].since:
         for i in range(last):
             copy_record(remembered[i], remembered[i + 1])
         write_report(remembered[last], row, time, scale)
     for i in range(last + 1):
-        if remembered[i].known:
+        if remembered[i].exists:
             copy_record(out[i], remembered[i])
             out[i].since = np.exp(-(now - remembered[i].since) / LONG)
 
@@ -62,6 +62,6 @@ def recall(remembered, row, now, scale, out):
 @kernel
 def write_report(out, row, time, scale):
     """A report as it is remembered."""
-    out.known, out.x, out.y, out.since = 1.0, row.x / scale.side, row.y / scale.side, time
+    out.exists, out.x, out.y, out.since = 1.0, row.x / scale.side, row.y / scale.side, time
     out.travelling, out.servicing = row.activity == TRAVELLING, row.activity == SERVICING
     out.controlled, out.has_task = row.mode == CONTROLLED, row.task != NOBODY

@@ -56,6 +56,7 @@ class Hyper:
     decisions: int = 8192  # of robots, an update
     minibatches: int = 8
     learning_rate: float = 3e-4
+    clone_rate: float = 1e-3  # while imitating: labels are no noisy advantages, and larger steps learn more of them
     entropy: float = 0.003  # weight of the relative entropy
     value: float = 0.5  # weight of the critic's loss
     max_grad: float = 0.5
@@ -66,7 +67,8 @@ class Hyper:
         checked = {name: whole(name, getattr(self, name), 1) for name in ("epochs", "decisions", "minibatches")}
         checked |= {name: number(name, getattr(self, name), 0, 1) for name in ("gamma", "lam")}
         checked |= {name: number(name, getattr(self, name), 0, MOST_WEIGHT) for name in ("entropy", "value")}
-        checked |= {name: positive(name, getattr(self, name)) for name in ("clip", "learning_rate", "max_grad", "target_kl")}
+        rates = "clip", "learning_rate", "clone_rate", "max_grad", "target_kl"
+        checked |= {name: positive(name, getattr(self, name)) for name in rates}
         for name, value in checked.items():
             object.__setattr__(self, name, value)
 
@@ -106,10 +108,11 @@ class Learner:
         self.method = method if self.device.type == "cpu" else deepcopy(method).to(self.device)
         self.optimizer = torch.optim.Adam(self.method.parameters(), lr=hyper.learning_rate, eps=1e-5)
 
-    def set_rate(self, share: float) -> None:
-        """Learn at a share of the plan's rate."""
+    def set_rate(self, share: float, aim: Aim = "improve") -> None:
+        """Learn at a share of the plan's rate; imitate at its own."""
+        rate = self.hyper.clone_rate if aim == "clone" else self.hyper.learning_rate * max(0.05, share)
         for group in self.optimizer.param_groups:
-            group["lr"] = self.hyper.learning_rate * max(0.05, share)
+            group["lr"] = rate
 
     def update(self, data: Experience, rng, aim: Aim = "improve") -> dict:
         """Some epochs over the experience."""

@@ -139,7 +139,7 @@ class Training:
         """
         start, hyper, collector, aim = time.process_time(), self.plan.hyper, self.collector, self.aim
         teacher = POLICIES["greedy"].make(collector.batch) if aim == "clone" else None
-        self.learner.set_rate(1.0 - self.missions / self.plan.missions)
+        self.learner.set_rate(1.0 - self.missions / self.plan.missions, aim)
         data = collector.collect(
             self.group.share(hyper.decisions), self.method.critic, self.method.scale, hyper.gamma, hyper.lam, hyper.trace, teacher
         )  # fmt: skip

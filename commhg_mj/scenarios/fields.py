@@ -146,8 +146,8 @@ class RadioRules:
     shadowing_length: float = _field(25.0, "m", "D", "along this way shadowing decorrelates to 1/e", 0.1, 1e4)
     uav_antenna: float = _field(0.0, "m", "D", "above the UAV", 0, 50)
     ugv_antenna: float = _field(1.0, "m", "D", "above the ground; the station's is world.mast_height", 0.1, 50)
-    fitted_forest_decay: float = _field(475.2, "m", "D", "abstract-fit: l_f by maximum likelihood", 0.01, 1e9)
-    fitted_mountain_decay: float = _field(204.0, "m", "D", "abstract-fit: l_m, likewise", 0.01, 1e9)
+    fitted_forest_decay: float = _field(532.1, "m", "D", "abstract-fit: l_f by maximum likelihood", 0.01, 1e9)
+    fitted_mountain_decay: float = _field(300.2, "m", "D", "abstract-fit: l_m, likewise", 0.01, 1e9)
 
 
 @dataclass(frozen=True)

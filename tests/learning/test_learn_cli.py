@@ -119,7 +119,7 @@ def same_run(one, other):
 @pytest.mark.parametrize("begun", [True, False], ids=["at one rate", "before its first update"])
 def test_a_run_is_lengthened_to_the_bits_of_a_longer_one(run, tiny, tmp_path, monkeypatch, begun):
     if begun:
-        monkeypatch.setattr(ppo.Learner, "set_rate", lambda learner, share: None)
+        monkeypatch.setattr(ppo.Learner, "set_rate", lambda learner, *how: None)
         assert run("train", *options(tiny, "r", missions=1, method="mappo"))[0] == 0
     else:
         with monkeypatch.context() as patch:

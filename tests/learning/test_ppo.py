@@ -286,3 +286,11 @@ def test_what_does_not_fit_in_is_not_imitated(tmp_path):
     role = ppo.Role(None, None, None, 1.0, 1.0)
     losses = [learner._policy_loss(role, None, now, "clone")[0] for now in judged]
     assert 0 < losses[1] < losses[0] + 1e-6
+
+
+def test_imitation_has_a_rate_of_its_own():
+    learner, rates = Learner(Toy(), Hyper(learning_rate=0.01, clone_rate=0.1)), []
+    for share, aim in ((1.0, "clone"), (0.5, "clone"), (1.0, "improve"), (0.5, "value"), (0.0, "improve")):
+        learner.set_rate(share, aim)
+        rates.append(learner.optimizer.param_groups[0]["lr"])
+    assert rates == pytest.approx([0.1, 0.1, 0.01, 0.005, 0.0005])

@@ -119,7 +119,7 @@ def test_listening_changes_no_mission_and_processes_no_figure():
 
 
 def test_evaluate_prints_both_tables_and_writes_both(tmp_path):
-    flights = evaluate(SHORT, ["greedy", "random", "omniscient"], 3, "abstract", "nominal", 1, lambda missions: None)
+    flights = evaluate(SHORT, ["greedy+no-query", "random", "omniscient"], 3, "abstract", "nominal", 1, lambda missions: None)
     console = Console(width=160, record=True, file=io.StringIO())
     console.print(evaluation_tables("a title", flights))
     text = console.export_text()
@@ -130,4 +130,4 @@ def test_evaluate_prints_both_tables_and_writes_both(tmp_path):
     stored = json.loads((tmp_path / "e.json").read_text(), parse_constant=pytest.fail)
     assert set(stored) == {"missions", "twcr", "communication"}
     assert stored["communication"]["random"]["queries"] == asked
-    assert stored["communication"]["greedy"]["record_age"] == [None] * 3
+    assert stored["communication"]["greedy+no-query"]["record_age"] == [None] * 3

@@ -11,6 +11,7 @@ from ..ragged import Edges, edges_where
 from ..registry import About, Method, method
 
 ROUNDS = 2
+IS_KNOWN = RESOURCE.index("age_known")
 RARELY = 3.0  # logit of nobody at first: a query displaces telemetry
 
 
@@ -43,7 +44,6 @@ class RobotActor(nn.Module):
         super().__init__()
         self.asks, self.every_record = asks, every_record
         self.edge, self.peer_columns, self.resource = (Reading(group, leaves_out) for group in (TASK_EDGE, PEER, RESOURCE))
-        self.known = RESOURCE.index("age_known")
         self.itself, self.attributes = mlp(ROBOT.width, NODE, NODE), linear(PUBLIC.width, MESSAGE)
         self.task = linear(MESSAGE, NODE)
         if "operators" in relations or asks:
@@ -97,7 +97,7 @@ class RobotActor(nn.Module):
             peers, records = self.relations["peers"], self.peer_columns(graphs.peer_edge)
             messages.append((peers, Edges(graphs.peer_ptr), peers.of_records(self.peer, records), None))
         if "operators" in self.relations:
-            operators, known = self.relations["operators"], graphs.resource[..., self.known] > 0.0
+            operators, known = self.relations["operators"], graphs.resource[..., IS_KNOWN] > 0.0
             is_there = torch.ones_like(known) if self.every_record else known
             records = operators.of_records(self.operator, self.resource(graphs.resource[is_there]))
             messages.append((operators, edges_where(is_there), records, None))

@@ -12,7 +12,7 @@ from commhg_mj.policies import POLICIES
 
 N = 3
 MISSION = change(SHORT, time_limit=200)
-KNOWN, X, SINCE = PAST.columns("known", "x", "since")
+KNOWN, X, SINCE = PAST.columns("exists", "x", "since")
 
 
 def flown(seeds, seconds):
