@@ -47,7 +47,7 @@ def operator():
 
 def embed(actor, graphs, public):
     batch = robot_batch(graphs, len(public))
-    return actor.embed(batch, Edges(batch.task_ptr, batch.task), torch.relu(actor.attributes(public)))
+    return actor.embed(batch, Edges(batch.task_ptr, batch.task), batch.task_edge, torch.relu(actor.attributes(public)))
 
 
 def encoded(actor, public):
@@ -109,16 +109,16 @@ def test_a_relation_is_the_mean_of_a_plain_network():
 def test_a_robots_embedding_is_two_rounds_of_one_update_over_plain_means(robot):
     graphs, public = robot_graphs(ROWS), random_public()
     tensors = robot_batch(graphs, len(public))
-    node, ptr, peers = robot.itself(tensors.itself), graphs.task_ptr, graphs.peer_ptr
+    node, ptr, peers, passes = robot.itself(tensors.itself), graphs.task_ptr, graphs.peer_ptr, robot.relations
     for _ in range(2):
         received = []
         for i in range(len(ROWS)):
             edges, others = slice(ptr[i], ptr[i + 1]), slice(peers[i], peers[i + 1])
-            tasks = naive_mean(robot.tasks, encoded(robot, public)[tensors.task[edges]], tensors.task_edge[edges], node[i])
+            tasks = naive_mean(passes["tasks"], encoded(robot, public)[tensors.task[edges]], tensors.task_edge[edges], node[i])
             heard, reports = tensors.peer_edge[others], tensors.resource[i][tensors.resource[i, :, IS_KNOWN] > 0]
             means = [
-                naive_mean(relation, encoder(records), records, node[i])
-                for relation, encoder, records in ((robot.peers, robot.peer, heard), (robot.operators, robot.operator, reports))
+                naive_mean(passes[name], encoder(records), records, node[i])
+                for name, encoder, records in (("peers", robot.peer, heard), ("operators", robot.operator, reports))
             ]
             received.append(torch.cat([tasks, *means]))
         change = robot.update.mlp(torch.cat([node, torch.stack(received)], dim=1))
@@ -132,14 +132,14 @@ def test_rounds_and_roles_share_what_they_should():
     updates = [name for name, module in method.named_modules() if isinstance(module, Update)]
     relations = [name for name, module in method.named_modules() if isinstance(module, Relation)]
     assert updates == ["robot.update", "operator.update"]
-    assert relations == ["robot.tasks", "robot.peers", "robot.operators", "operator.reports"]
+    assert relations == [*(f"robot.relations.{name}" for name in ("tasks", "peers", "operators")), "operator.reports"]
 
 
 def test_an_empty_neighbourhood_contributes_zeros(robot):
     graphs, public = robot_graphs(ROWS), random_public()
     before = embed(robot, graphs, public)
     counts = np.diff(graphs.task_ptr), np.diff(graphs.peer_ptr), (graphs.resource[..., IS_KNOWN] > 0).sum(axis=1)
-    for relation, count in zip((robot.tasks, robot.peers, robot.operators), counts):
+    for relation, count in zip(robot.relations.values(), counts):
         is_empty = torch.from_numpy(count == 0)
         bias = relation.out.bias.clone()
         relation.out.bias += BIG
