@@ -208,11 +208,12 @@ RECURRENT = {name for name in NAMES if any(isinstance(part, nn.RNNBase) for part
 def test_another_device_learns_the_same(tmp_path, method, monkeypatch):
     """No tensor of the update stays behind on the CPU; what was learned comes back to where missions are flown."""
     monkeypatch.setattr(ppo, "check_device", lambda device: None)
-    near = updated(run(tmp_path / "near", method), 2)
+    few = dict(hyper=dataclasses.replace(QUICK, decisions=30, minibatches=1), side_by_side=2)  # each operation is one of Python's
+    near = updated(run(tmp_path / "near", method, **few), 2)
     with far.Present() as present:
-        away = updated(run(tmp_path / "far", method, device="far"), 2)
+        away = updated(run(tmp_path / "far", method, device="far", **few), 2)
         assert all(parameter.device == far.DEVICE for parameter in away.learner.method.parameters())
-        assert all(parameter.is_cpu for parameter in away.method.parameters()) and present.n_operations > 1000
+        assert all(parameter.is_cpu for parameter in away.method.parameters()) and present.n_operations > 300
     for one, other in zip(near.method.parameters(), away.method.parameters()):
         torch.testing.assert_close(one, other, rtol=1e-3, atol=1e-4)
 

@@ -209,7 +209,8 @@ def test_a_batch_is_restored_after_the_end_of_some_missions():
 
 @pytest.mark.parametrize("method", NAMES)
 def test_a_run_that_is_thrown_away_goes_on_to_the_same_bits(tmp_path, method):
-    whole, first = run(tmp_path / "whole", method), run(tmp_path / "first", method)
+    few = dict(hyper=dataclasses.replace(QUICK, decisions=80), side_by_side=3)
+    whole, first = (run(tmp_path / name, method, **few) for name in ("whole", "first"))
     assert same_bits(whole, first)
     updated(first, 2).save()
     assert len(first.collector.scores) > 0, "no mission has ended: restarts are not tried"

@@ -18,6 +18,7 @@ THICK = change(
     SCENARIOS["small"], n_tasks=10, time_limit=120, n_uav=3, n_ugv=3, forest_share=0.35, n_forests=8, mountain_share=0.1,
     mountain_height=(100.0, 150.0), malfunction=0.5, uav_height=25.0, autonomous_speed=(18.0, 10.0),
 )  # fmt: skip
+FITTED = THICK.radio.fitted_forest_decay, THICK.radio.fitted_mountain_decay
 STATION = THICK.n_robots
 SEED, LEVEL = 7, "low"
 
@@ -101,7 +102,7 @@ def test_the_range_is_the_limitation_levels_and_planar(trace, links):
 
 
 def test_planar_columns_are_the_papers_formula(links):
-    for deliver, forest, mountain in (("planar_delivered", 73.0, 10.0), ("fit_delivered", 731.7, 137.9)):
+    for deliver, forest, mountain in (("planar_delivered", 73.0, 10.0), ("fit_delivered", *FITTED)):
         robots = links[(links["b"] != STATION) & links["in_range"]]
         expected = 0.9 * np.exp(-robots["planar_forest"] / forest - robots["planar_mountain"] / mountain)
         np.testing.assert_allclose(robots[deliver], expected, atol=1e-5)
