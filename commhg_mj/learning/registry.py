@@ -35,11 +35,13 @@ class Method(nn.Module):
       critic: values; see learning/critic.py for what it may read.
 
     Attributes:
+      name: that it is registered under.
       communicates: broadcasts, queries and requests are the heads' to choose; otherwise the fixed schedule does.
       picks_first: its robots choose their first targets at t = 0, one after the other; otherwise the initializer does.
       wants: what its graphs hold beside what all get.
     """
 
+    name: str = ""
     communicates = False
     picks_first = False
     wants = NOTHING_MORE

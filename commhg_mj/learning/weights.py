@@ -5,12 +5,11 @@ import json
 import torch
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
-from torch import nn
 
 from ..base.arguments import path_of
 from ..base.files import whole_file
 from .features import GROUPS
-from .registry import find_method
+from .registry import Method, find_method
 
 FORMAT = "commhg_mj weights 2"  # counts on with the rules that weights are trained under
 SCHEMA = json.dumps({group.title: group.names for group in GROUPS})  # what each column was
@@ -35,7 +34,7 @@ def _facts(path, text) -> dict:
     return facts
 
 
-def load_weights(path) -> tuple[nn.Module, dict]:
+def load_weights(path) -> tuple[Method, dict]:
     """(method, facts) of a file that `save_weights` wrote.
 
     Raises:
