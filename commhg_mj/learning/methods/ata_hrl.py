@@ -58,12 +58,12 @@ class Encoder(nn.Module):
 
     def __init__(self, n_groups: int):
         super().__init__()
-        self.groups, self.forward_layer = nn.ModuleList(CrossAttention() for _ in range(n_groups)), mlp(WIDTH, 2 * WIDTH, WIDTH)
+        self.groups, self.feed = nn.ModuleList(CrossAttention() for _ in range(n_groups)), mlp(WIDTH, 2 * WIDTH, WIDTH)
         self.norms = nn.ModuleList(nn.LayerNorm(WIDTH) for _ in range(2))
 
     def forward(self, own: Tensor, *groups: tuple[Tensor, Tensor]) -> Tensor:
         own = self.norms[0](own + sum(attend(own, *group) for attend, group in zip(self.groups, groups)))
-        return self.norms[1](own + self.forward_layer(own))
+        return self.norms[1](own + self.feed(own))
 
 
 class InitialAllocation(nn.Module):
