@@ -11,7 +11,11 @@ from ..scenarios import SCENARIOS, Scenario
 
 WEIGHTS = Path(__file__).parent / "trained"  # <method>-<scenario>.safetensors
 ENDING = ".safetensors"
+# The methods, named here so that torch is loaded by need alone.
 RETIRED = ("commhg",)  # came trained under older rules, and will again
+UNTRAINED = (
+    "mappo", "ippo", "informarl", "ata-hrl", "commhg-nocomm", "commhg-noquery", "commhg-nograph", "nocomm-blind", "commhg-three",
+)  # fmt: skip
 DIGITS = 8  # of the checksum that tells weights of one name apart
 VARIANTS = ("no-query", "random-gates")  # learned_policy.py's, named here so that torch is loaded by need alone
 
@@ -20,18 +24,18 @@ def find_learned(name: str) -> PolicyInfo | None:
     """The policy of a trained method or of a file of weights; None for other names.
 
     Raises:
-      ValueError: the file of weights is refused, or the method's are retired; the message names it.
+      ValueError: the file of weights is refused, or the method's do not come along; the message names it.
     """
     base, variant = split_variant(name)
     if base.endswith(ENDING):
         return PolicyInfo(partial(_fly_weights, base, variant), flown_in=_conditions(_load(base)))
     if base in trained_methods():
         return PolicyInfo(partial(_fly_trained, base, variant), flown_in=_conditions(_find_method(base)))
-    if base in RETIRED:
-        raise ValueError(
-            f"{base}: its weights were trained under older rules and are retired until they are trained anew; train some with "
-            f"`commhg-mj train --method {base}`, and fly them by their path"
-        )
+    if base in RETIRED + UNTRAINED:
+        retired = "were trained under older rules and are retired until they are trained anew"
+        why = retired if base in RETIRED else "do not come along"
+        train = f"train some with `commhg-mj train --method {base}`, and fly them by their path"
+        raise ValueError(f"{base}: its weights {why}; {train}")
     return None
 
 

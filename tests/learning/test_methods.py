@@ -204,8 +204,13 @@ def test_weights_that_come_along_fly_by_their_methods_name_and_are_retired_witho
     monkeypatch.setattr(pretrained, "WEIGHTS", tmp_path)
     save_weights(untrained("commhg"), tmp_path / "commhg-medium.safetensors", {})
     assert fly_missions(SHORT, "commhg", [1]) == fly_missions(SHORT, str(tmp_path / "commhg-medium.safetensors"), [1])
-    with pytest.raises(ValueError, match="unknown policy 'mappo'"):
-        policies.find_policy("mappo")
+    for name in ("mappo", "commhg-nograph+no-query"):
+        base = name.partition("+")[0]
+        with pytest.raises(ValueError, match=rf"^{base}: its weights do not come along; .*--method {base}`.* by their path$"):
+            policies.find_policy(name)
+    assert sorted(pretrained.RETIRED + pretrained.UNTRAINED) == NAMES
+    with pytest.raises(ValueError, match="unknown policy 'commgh'"):
+        policies.find_policy("commgh")
 
 
 def test_labels_differ_when_weights_do(tmp_path):
