@@ -32,7 +32,7 @@ def as_it_is(scenario: Scenario) -> Scenario:
 class PolicyInfo(NamedTuple):
     make: Callable  # (MissionBatch) -> policy
     is_privileged: bool = False  # reads the true state and communicates for free; marked as such everywhere
-    flown_in: Callable[[Scenario], Scenario] = as_it_is  # a scenario that is asked for -> the one that it flies in
+    flown_in: Callable[[Scenario], Scenario] = as_it_is  # what is asked for -> what it flies in; privileged: every_second
 
 
 class Source(NamedTuple):
@@ -66,7 +66,7 @@ REFERENCES = {
     "random": PolicyInfo(Random),
     "greedy": PolicyInfo(Greedy),
     "greedy+no-query": PolicyInfo(partial(Greedy, asks=False)),
-    "omniscient": PolicyInfo(Omniscient, True, every_second),
+    "omniscient": PolicyInfo(Omniscient, True),
 }
 POLICIES = Registry("policy", "commhg_mj.policies", REFERENCES, lambda name, make: policy(name)(make))
 SOURCES: list[Source] = []  # learning/pretrained.py's
@@ -111,4 +111,4 @@ def prepare(
 def conditions_of(name: str, scenario: Scenario, links: str) -> tuple[Scenario, str]:
     """(scenario, links) that a policy flies under when these are asked for."""
     info = find_policy(name)
-    return info.flown_in(scenario), "perfect" if info.is_privileged else links
+    return (every_second(scenario), "perfect") if info.is_privileged else (info.flown_in(scenario), links)

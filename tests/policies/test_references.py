@@ -7,7 +7,7 @@ from flying import fly, plain
 from commhg_mj.base.terms import IDLE, KEEP, NOBODY, REST
 from commhg_mj.mission.batch import MissionBatch, stay
 from commhg_mj.mission.decide import Decisions
-from commhg_mj.policies import POLICIES, find_policy, prepare
+from commhg_mj.policies import POLICIES, PolicyInfo, find_policy, prepare
 from commhg_mj.policies.random import Random
 
 
@@ -65,6 +65,12 @@ def test_only_the_omniscient_reference_is_privileged_and_free_to_speak():
     assert batch.scenario.communication.telemetry_period == 1
     batch, _ = prepare("greedy", "small", [1])
     assert batch.links == "raycast" and batch.scenario.decisions.robot_period == 10
+
+
+def test_a_privileged_policy_of_ones_own_has_the_same_idealised_conditions(monkeypatch):
+    monkeypatch.setitem(POLICIES, "seer", PolicyInfo(POLICIES["omniscient"].make, is_privileged=True))
+    (one, _), (other, _) = (prepare(name, "small", [1], links="abstract") for name in ("seer", "omniscient"))
+    assert one.scenario == other.scenario and one.links == other.links == "perfect"
 
 
 def test_unknown_policies_are_refused():
