@@ -74,6 +74,17 @@ def pick_agents(agents: Tensor, at: Agents) -> Tensor:
     return agents.flatten(0, 1).index_select(0, at.state * agents.shape[1] + at.agent)
 
 
+def judge_roles(context: Tensor, *roles: tuple[nn.Module, Tensor, Agents]) -> tuple[Tensor, ...]:
+    """Each role's values out of the contexts [S, C] of its agents' states and of their own rows.
+
+    Args:
+      roles: (network, rows of all its agents [S, A, F], whose values are asked for) each.
+    """
+    return tuple(
+        value(torch.cat([context.index_select(0, at.state), pick_agents(rows, at)], dim=1)) for value, rows, at in roles
+    )
+
+
 def mean_agents(agents: Tensor) -> Tensor:
     """[S, F] of agents [S, A, F]; zeros where a mission has none."""
     return agents.mean(dim=1) if agents.shape[1] else agents.new_zeros(len(agents), agents.shape[2])

@@ -21,6 +21,11 @@ def without_initializer(scenario: Scenario) -> Scenario:
     return dataclasses.replace(scenario, decisions=dataclasses.replace(scenario.decisions, first_targets="policy"))
 
 
+def flown_in(method, scenario: Scenario) -> Scenario:
+    """What a method flies in when a scenario is asked for."""
+    return without_initializer(scenario) if method.picks_first else scenario
+
+
 def beginners(graphs: RobotGraphs) -> np.ndarray:
     """[n] rows of robots whose mission begins and who have no first target."""
     return np.flatnonzero((graphs.itself[:, TIME] == 0.0) & ~graphs.keep_idle[:, 0])

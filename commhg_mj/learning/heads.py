@@ -47,6 +47,27 @@ class Likelihood(NamedTuple):
     is_free: Tensor  # [N] bool: some component was the policy's to choose
 
 
+def keep_as_chosen(keep_idle: Tensor, score: Tensor, own_edge: Tensor) -> Tensor:
+    """[N, 2] logits of KEEP and IDLE: to keep a task is to choose it once more.
+
+    Args:
+      keep_idle: [N, 2]. score: [E] of task edges. own_edge: [N] of the held task, -1: none.
+    """
+    own = torch.where(own_edge >= 0, score[own_edge.clamp(min=0)], 0.0) if len(score) else 0.0
+    return torch.stack([keep_idle[:, 0] + own, keep_idle[:, 1]], dim=1)
+
+
+def hold_as_chosen(keep_rest: Tensor, score: Tensor, held: Tensor) -> Tensor:
+    """[K, 2 + R] logits of KEEP, REST and the robots: to keep a robot is to choose it once more.
+
+    Args:
+      keep_rest: [K, 2]. score: [K, R]. held: [K] robot of the session, -1: none.
+    """
+    own = score.gather(1, held.clamp(min=0)[:, None])[:, 0]
+    keep = keep_rest[:, 0] + torch.where(held >= 0, own, 0.0)
+    return torch.cat([keep[:, None], keep_rest[:, 1:], score], dim=1)
+
+
 def tensors_of(choices: RobotChoices) -> RobotChoices:
     """The same choices as tensors."""
     return RobotChoices(*(torch.from_numpy(np.ascontiguousarray(column)) for column in choices))
@@ -123,7 +144,7 @@ def choose_robots(logits: RobotLogits, graphs, rng, is_greedy: bool) -> RobotCho
     each = np.arange(n)
     rows = np.repeat(each, np.diff(graphs.task_ptr))
     fixed = np.where(graphs.keep_idle, _coarse(logits.keep_idle) + noise(each[:, None], FIXED + np.arange(2)), ILLEGAL)
-    edges = np.where(graphs.task_legal, _coarse(logits.task) + noise(rows, TASKS + graphs.task), ILLEGAL)
+    edges = np.where(graphs.task_legal, noisy_tasks(logits, graphs, rng, is_greedy), ILLEGAL)
     best = np.where(fixed[:, 0] >= fixed[:, 1], KEEP, IDLE)
     top = fixed.max(axis=1)
     # The best edge of each row: edges in rising order of score, the last one written wins.

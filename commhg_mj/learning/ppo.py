@@ -183,7 +183,7 @@ class Learner:
         parts = [self._policy_loss(*of, aim) for of in zip(roles, batch.rows, judged)]
         policy_loss, entropy, kl = (_mean(column) for column in zip(*filter(None, parts))) if any(parts) else (_mean([]),) * 3
         value_loss = self._value_loss(batch, roles)
-        auxiliary = None if aim == "value" else method.auxiliary(batch, batch.states, rng)
+        auxiliary = None if aim == "value" else method.auxiliary(batch, rng)
         loss = policy_loss - hyper.entropy * entropy + hyper.value * value_loss + (0.0 if auxiliary is None else auxiliary)
         self.optimizer.zero_grad()
         loss.backward()

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from functools import lru_cache, partial
 from pathlib import Path
 
-from ..policies import SOURCES, PolicyInfo, Source, as_it_is
+from ..policies import SOURCES, PolicyInfo, Source
 from ..scenarios import SCENARIOS, Scenario
 
 WEIGHTS = Path(__file__).parent / "trained"  # <method>-<scenario>.safetensors
@@ -84,10 +84,10 @@ def _fly_weights(path, variant, batch):
 
 
 def _conditions(method) -> Callable[[Scenario], Scenario]:
-    """The scenario that a method flies in when another is asked for."""
-    from .first_targets import without_initializer
+    """`PolicyInfo.flown_in` of a method."""
+    from .first_targets import flown_in
 
-    return without_initializer if method.picks_first else as_it_is
+    return partial(flown_in, method)
 
 
 def _find_method(name):

@@ -51,11 +51,11 @@ class Method(nn.Module):
         super().__init__()
         self.robot, self.operator, self.critic, self.scale = robot, operator, critic, ReturnScale()
 
-    def auxiliary(self, decided, truth, rng) -> Tensor | None:
+    def auxiliary(self, decided, rng) -> Tensor | None:
         """A further loss of a minibatch, learned from the true state in training alone; None: there is none.
 
         Args:
-          decided: `ppo.Minibatch`, what its actors saw. truth: `States` of tensors that `decided` has rows of.
+          decided: `ppo.Minibatch`, what its actors saw and the true states of the same seconds.
           rng: numpy Generator for noise.
         """
         return None

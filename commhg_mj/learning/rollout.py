@@ -108,14 +108,14 @@ class Actors:
         if not len(robots.itself):
             return robots, NO_CHOICES, NOT_ASKED
         batch, logits = self.score(robots, public)
-        first = None
-        if self.method.picks_first and len(beginners(robots)):
+        beginning = beginners(robots) if self.method.picks_first else []
+        if len(beginning):
             robots, first = take_turns(robots, assign(robots) if taught else noisy_tasks(logits, robots, rng, is_greedy))
             masks = torch.from_numpy(robots.task_legal), torch.from_numpy(robots.keep_idle)
             batch = batch._replace(task_legal=masks[0], keep_idle=masks[1])
         choices = taught or choose_robots(logits, robots, rng, is_greedy)
-        if first is not None:
-            choices.task[beginners(robots)] = first
+        if len(beginning):
+            choices.task[beginning] = first
         return robots, choices, judged(judge_robots(logits, batch, tensors_of(choices))) if is_learning else NOT_ASKED
 
     def _decide_operators(self, operators, rng, is_greedy, is_learning, taught):

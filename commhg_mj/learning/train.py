@@ -19,7 +19,7 @@ from ..radio import DEFAULT_LINKS
 from ..scenarios import Scenario, from_json, to_json
 from .critic import ReturnScale
 from .distributed import ALONE, ProcessGroup, WorkerEnded
-from .first_targets import without_initializer
+from .first_targets import flown_in
 from .ppo import Aim, Hyper, Learner, check_device
 from .registry import find_method
 from .rollout import Collector, change_rate
@@ -91,9 +91,9 @@ class Training:
             self.cpu_before = begin_with(self.method, plan.init)
         self.learner = Learner(self.method, plan.hyper, group, device)
         first = (1 + plan.seed) * TRAINING_SEEDS + group.rank * (TRAINING_SEEDS // group.size)
-        scenario = without_initializer(plan.scenario) if self.method.picks_first else plan.scenario
         self.collector = Collector(
-            self.method, scenario, first, group.share(plan.side_by_side), plan.links, plan.limitation, self.rng
+            self.method, flown_in(self.method, plan.scenario), first, group.share(plan.side_by_side), plan.links,
+            plan.limitation, self.rng,
         )  # fmt: skip
         self.updates, self.missions, self.decisions, self.cpu_seconds = 0, 0, 0, 0.0  # of the whole group
         self.validation, self.written = Validation(plan.scenario, plan.links, plan.limitation), None

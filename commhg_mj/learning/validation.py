@@ -6,7 +6,7 @@ import numpy as np
 
 from ..mission.batch import MissionBatch
 from ..policies import POLICIES
-from .first_targets import without_initializer
+from .first_targets import flown_in
 from .learned_policy import LearnedPolicy
 
 FIRST, N_MISSIONS = 50_000, 20  # seeds; neither training nor evaluation flies them
@@ -25,8 +25,7 @@ class Validation:
 
     def score(self, method) -> float:
         """The method's mean TWCR."""
-        scenario = without_initializer(self.scenario) if method.picks_first else self.scenario
-        return self._fly(scenario, lambda batch: LearnedPolicy(method, batch))
+        return self._fly(flown_in(method, self.scenario), lambda batch: LearnedPolicy(method, batch))
 
     def _fly(self, scenario, make):
         batch = MissionBatch(scenario, *self.conditions)

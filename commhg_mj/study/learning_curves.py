@@ -48,7 +48,7 @@ def study_runs(folders, n_missions: int, workers: int, advance) -> Study:
     Raises:
       ValueError: a folder holds no such run, or runs were trained under different conditions; the message names it.
     """
-    plans = [_plan_of(folder) for folder in folders]
+    methods, plans = zip(*map(_read_weights, folders))
     for folder, plan in zip(folders, plans):
         if plan != plans[0]:
             raise ValueError(f"{folder} was trained under other conditions than {folders[0]}")
@@ -57,22 +57,21 @@ def study_runs(folders, n_missions: int, workers: int, advance) -> Study:
     flights = evaluate(scenario, list(dict.fromkeys([REFERENCE, *paths])), n_missions, links, limitation, workers, advance)
     twcr = {policy: np.array([score.twcr for score, _ in each]) for policy, each in flights.items()}
     runs = []
-    for folder in folders:
+    for folder, method in zip(folders, methods):
         cloned, final = (twcr[str(Path(folder, name))] for name in (CLONED, WEIGHTS))
         minutes, training, changes, missions = _read_log(folder)
         runs.append(Learned(
-            load_weights(Path(folder, WEIGHTS))[0].name, minutes, training, changes[-1], int(missions[-1]),
+            method, minutes, training, changes[-1], int(missions[-1]),
             *map(mean_interval, (cloned, final, final - cloned, final - twcr[REFERENCE])),
         ))  # fmt: skip
     return Study(scenario, links, limitation, mean_interval(twcr[REFERENCE]), runs)
 
 
-def _plan_of(folder) -> tuple[str, str, str]:
-    """(scenario as text, links, limitation) that a run was trained under."""
-    for name in (CLONED, WEIGHTS):
-        load_weights(Path(folder, name))  # says what is missing
-    plan = load_weights(Path(folder, WEIGHTS))[1]["plan"]
-    return json.dumps(plan["scenario"]), plan["links"], plan["limitation"]
+def _read_weights(folder) -> tuple[str, tuple[str, str, str]]:
+    """(method, what it was trained under: scenario as text, links, limitation) of a run that has both files of weights."""
+    _, (method, facts) = (load_weights(Path(folder, name)) for name in (CLONED, WEIGHTS))
+    plan = facts["plan"]
+    return method.name, (json.dumps(plan["scenario"]), plan["links"], plan["limitation"])
 
 
 def _read_log(folder) -> list[np.ndarray]:

@@ -1,9 +1,28 @@
 """Fixtures of the learning tests."""
 
+import importlib.util
 import sys
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+
+SCRIPTS = Path(__file__).parents[2] / "scripts"
+
+
+@pytest.fixture
+def script(monkeypatch):
+    """Load a script of scripts/ by its name."""
+
+    def load(name):
+        monkeypatch.syspath_prepend(str(SCRIPTS))
+        spec = importlib.util.spec_from_file_location(f"scripts_{name}", SCRIPTS / f"{name}.py")
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        monkeypatch.delitem(sys.modules, "architecture", raising=False)
+        return module
+
+    return load
 
 
 @pytest.fixture

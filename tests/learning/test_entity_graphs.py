@@ -5,9 +5,12 @@ import math
 import numpy as np
 import pytest
 import torch
+from learners import random_states
 
+from commhg_mj.learning.critic import Agents
 from commhg_mj.learning.entity_graphs import REACH, Attention, EmbedConv, Near, pair_up, softmax_by, within_reach
 from commhg_mj.learning.methods.informarl import GraphCritic
+from commhg_mj.learning.states import States
 
 EDGES = [(0, 1), (0, 2), (1, 0), (2, 0), (2, 1), (2, 3)]  # receiver, source; agent 3 has none
 
@@ -75,11 +78,6 @@ def test_reach_is_a_share_of_the_side():
 
 
 def test_the_critic_reads_open_tasks_alone_and_whoever_is_near():
-    from learners import random_states
-
-    from commhg_mj.learning.critic import Agents
-    from commhg_mj.learning.states import States
-
     torch.manual_seed(0)
     critic, states = GraphCritic(), States(*map(torch.from_numpy, random_states(3)))
     everyone = [Agents(torch.arange(3).repeat_interleave(n), torch.arange(n).repeat(3)) for n in (3, 2)]

@@ -1,9 +1,5 @@
 """Features by name: each is read from what its row of the table says, and the page shows the table."""
 
-import importlib.util
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 from flying import Wanderer, copied, fly
@@ -16,7 +12,6 @@ from commhg_mj.learning.graphs import GraphBuilder
 from commhg_mj.mission import state
 from commhg_mj.mission.batch import MissionBatch
 
-SCRIPTS = Path(__file__).parents[2] / "scripts"
 TABLES = {  # of observations: whose rows they are, and the groups that are read from them
     "robot_tasks": ("robot", features.TASK_EDGE, "task_edge"),
     "robot_peers": ("robot", features.PEER, "peer_edge"),
@@ -142,10 +137,6 @@ def test_an_operator_sees_its_queue_and_what_the_station_believes_of_the_task(se
     assert np.all(look().report[..., features.REPORT.columns(*names, "has_task")] == 0.0)
 
 
-def test_the_page_is_what_the_table_says(monkeypatch):
-    monkeypatch.syspath_prepend(str(SCRIPTS))
-    spec = importlib.util.spec_from_file_location("feature_tables", SCRIPTS / "features.py")
-    script = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(script)
-    monkeypatch.delitem(sys.modules, "architecture", raising=False)
+def test_the_page_is_what_the_table_says(script):
+    script = script("features")
     assert script.tables() in script.PAGE.read_text(encoding="utf-8"), "run python scripts/features.py"

@@ -8,10 +8,11 @@ from learners import SHORT, run, shaken
 from strategies import change
 
 from commhg_mj.base.terms import IDLE
-from commhg_mj.learning.first_targets import assign, beginners, take_turns, without_initializer
+from commhg_mj.learning.first_targets import TIME, assign, beginners, take_turns, without_initializer
 from commhg_mj.learning.graphs import GraphBuilder
 from commhg_mj.learning.learned_policy import LearnedPolicy
 from commhg_mj.learning.registry import METHODS, find_method
+from commhg_mj.learning.weights import save_weights
 from commhg_mj.mission.batch import MissionBatch
 from commhg_mj.policies import POLICIES, conditions_of
 from commhg_mj.scenarios import SCENARIOS, load_scenario
@@ -73,8 +74,6 @@ def test_a_robots_own_first_target_is_prescribed_like_the_initializers():
 
 @pytest.mark.parametrize("name", PICKING)
 def test_a_method_that_picks_is_flown_without_the_initializer_and_learns_from_its_picks(name, tmp_path):
-    from commhg_mj.learning.weights import save_weights
-
     torch.manual_seed(0)
     method, path = shaken(find_method(name)()), str(tmp_path / "weights.safetensors")
     save_weights(method, path, {})
@@ -89,14 +88,8 @@ def test_a_method_that_picks_is_flown_without_the_initializer_and_learns_from_it
     shaken(training.method)
     parts = training.method.critic, training.method.scale
     data = training.collector.collect(60, *parts, 0.99, 0.95)
-    begins = data.robots.itself[:, find_time()] == 0.0
+    begins = data.robots.itself[:, TIME] == 0.0
     assert begins.sum() >= 6 and data.free[0][begins].any() and (data.robot_choices.task[begins] != -1).any()
     assert (data.log_probs[0][begins & data.free[0]] < 0).all()
     with_one = LearnedPolicy(method, other := MissionBatch(SHORT, range(4)))
     other.step(with_one(other.observations))  # where the initializer is at work its targets stay
-
-
-def find_time():
-    from commhg_mj.learning.features import ROBOT
-
-    return ROBOT.index("time")

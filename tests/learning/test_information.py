@@ -5,7 +5,6 @@ import pytest
 import torch
 from flying import Wanderer, copied, fly
 from learners import NAMES, SHORT, run, shaken
-from mission.test_secrets import scramble
 from strategies import change
 
 from commhg_mj.learning import features
@@ -14,7 +13,8 @@ from commhg_mj.learning.graphs import GraphBuilder
 from commhg_mj.learning.method_table import HEAD, method_rows
 from commhg_mj.learning.methods.mappo import N_TASKS, read_robot
 from commhg_mj.learning.registry import METHODS
-from commhg_mj.learning.rollout import Actors
+from commhg_mj.learning.rollout import Actors, value_agents
+from commhg_mj.learning.states import States
 from commhg_mj.mission.batch import MissionBatch
 from commhg_mj.mission.observe import UNKNOWN
 
@@ -133,9 +133,6 @@ def test_nocomm_blind_reads_no_ages_on_its_edges(batch):
 @pytest.mark.parametrize("name", [name for name in NAMES if METHODS[name]().critic.reads == "local"])
 def test_a_local_critic_does_not_see_the_truth(tmp_path, name):
     """What its actor reads decides its values; the true state of others, which the central critic reads, does not."""
-    from commhg_mj.learning.rollout import value_agents
-    from commhg_mj.learning.states import States
-
     training = run(tmp_path, name, LONG)
     data = training.collector.collect(100, training.method.critic, training.method.scale, 0.99, 0.95)
     training.method.scale.update(0, torch.randn(50, 2)), training.method.scale.update(1, torch.randn(50, 2))
@@ -159,10 +156,6 @@ def test_to_observe_everyone_is_to_observe_whoever_is_due_and_the_others(batch):
         where = [np.flatnonzero((all_["mission"] == row["mission"]) & (all_[key] == row[key]))[0] for row in mine]
         assert np.array_equal(all_[where], mine)
     assert all(np.array_equal(a, b) for a, b in zip(truth, batch.state)) and batch.observations is seen
-    scramble(batch.state, np.random.default_rng(0))
-    from mission.test_secrets import overwrite
-
-    overwrite(batch.state, truth)
 
 
 def test_a_list_takes_the_most_useful_in():
@@ -185,17 +178,8 @@ def test_a_list_takes_the_most_useful_in():
     assert left_out.any() and (score[left_out] < -50).all() and (score[~left_out] >= -10).all()
 
 
-def test_the_table_of_methods_is_that_of_the_docs_and_no_method_is_half_or_twice_commhg():
-    import importlib.util
-    import sys
-    from pathlib import Path
-
-    scripts = Path(__file__).parents[2] / "scripts"
-    sys.path.insert(0, str(scripts))
-    spec = importlib.util.spec_from_file_location("methods_script", scripts / "methods.py")
-    script = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(script)
-    sys.path.remove(str(scripts))
+def test_the_table_of_methods_is_that_of_the_docs_and_no_method_is_half_or_twice_commhg(script):
+    script = script("methods")
     rows = method_rows()
     assert [row[0] for row in rows] == NAMES and len(HEAD) == len(rows[0])
     assert script.table() in script.PAGE.read_text(encoding="utf-8"), "run python scripts/methods.py"

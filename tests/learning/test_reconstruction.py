@@ -72,7 +72,7 @@ def test_the_truth_reaches_the_auxiliary_loss_and_nothing_else(tmp_path):
     learner = Learner(training.method, training.plan.hyper)
     batch = learner.minibatch(data, np.arange(len(data.states.mission)))
     other = States(*(part if part.dtype == torch.bool else 1.0 - part for part in batch.states))
-    loss = lambda states: training.method.auxiliary(batch, states, np.random.default_rng(0))
+    loss = lambda states: training.method.auxiliary(batch._replace(states=states), np.random.default_rng(0))
     assert loss(batch.states) == loss(batch.states) != loss(other)
     with torch.no_grad():
         one, two = (learner.judge(batch._replace(states=states)) for states in (batch.states, other))

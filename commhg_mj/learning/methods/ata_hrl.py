@@ -179,9 +179,9 @@ class ATAHRL(Method):
     def __init__(self):
         super().__init__(RobotActor(), OperatorActor(), Critic())
 
-    def auxiliary(self, decided, truth, rng) -> Tensor:
+    def auxiliary(self, decided, rng) -> Tensor:
         """Losses of the reconstructions, against the true state of the second in which the records were read."""
-        robots, public, operators = decided.local
+        (robots, public, operators), truth = decided.local, decided.states
         state, n_tasks = decided.robot_agents.state, truth.task.shape[1]
         at = state[robots.rows], robots.task % n_tasks
         tasks = self.robot.reconstruct_task.loss(*self.robot.tasks_now(robots, public), truth.task[at], truth.is_open[at], rng)

@@ -5,7 +5,7 @@ from torch import Tensor, nn
 
 from ..critic import Critic
 from ..features import OPERATOR, PEER, PUBLIC, REPORT, RESOURCE, ROBOT, TASK_EDGE, Group
-from ..heads import RobotLogits
+from ..heads import RobotLogits, hold_as_chosen, keep_as_chosen
 from ..networks import MESSAGE, NODE, Relation, Update, after, bounded, head, linear, mlp, pick
 from ..ragged import Edges, edges_where
 from ..registry import About, Method, method
@@ -73,10 +73,7 @@ class RobotActor(nn.Module):
         score = task_edges.score(
             self.score_edge(edges), after(self.score_task, self.task, attributes), self.score_robot(node), self.score.weight[0]
         ) + self.score.bias  # fmt: skip
-        # To keep a task is to choose it once more.
-        own = torch.where(graphs.own_edge >= 0, score[graphs.own_edge.clamp(min=0)], 0.0) if len(score) else 0.0
-        keep_idle = self.keep_idle(node)
-        keep_idle = torch.stack([keep_idle[:, 0] + own, keep_idle[:, 1]], dim=1)
+        keep_idle = keep_as_chosen(self.keep_idle(node), score, graphs.own_edge)
         query = bounded(self.score_operators(graphs, node)) if self.asks else None
         return RobotLogits(
             bounded(score), bounded(keep_idle), bounded(self.gate(node)[:, 0]), query, bounded(self.assist(node)[:, 0])
@@ -133,10 +130,7 @@ class OperatorActor(nn.Module):
             after(self.score_report, self.report, records), None, self.score_operator(node), self.score.weight[0]
         ) + self.score.bias  # fmt: skip
         score = scored.new_zeros(is_there.shape).masked_scatter(is_there, scored)
-        own = score.gather(1, graphs.held.clamp(min=0)[:, None])[:, 0]
-        keep_rest = self.keep_rest(node)
-        keep = keep_rest[:, 0] + torch.where(graphs.held >= 0, own, 0.0)
-        return bounded(torch.cat([keep[:, None], keep_rest[:, 1:], score], dim=1))
+        return bounded(hold_as_chosen(self.keep_rest(node), score, graphs.held))
 
 
 @method("commhg")

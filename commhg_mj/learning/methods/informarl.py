@@ -8,10 +8,10 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from ..critic import N_PARTS, Agents, pick_agents
+from ..critic import N_PARTS, Agents, judge_roles
 from ..entity_graphs import EntityGraph, Near, measure, pair_up, within_reach
 from ..features import OPERATOR, PEER, PUBLIC, REPORT, ROBOT, STATE_MISSION, STATE_OPERATOR, STATE_ROBOT, STATE_TASK, TASK_EDGE
-from ..heads import RobotLogits
+from ..heads import RobotLogits, hold_as_chosen, keep_as_chosen
 from ..networks import NODE, bounded, linear, pick
 from ..ragged import Edges
 from ..registry import About, Method, method
@@ -63,11 +63,10 @@ class RobotActor(nn.Module):
         self.score, self.keep_idle = linear(WIDTH, 1, 0.01), linear(NODE, 2, 0.01)
 
     def forward(self, graphs, public: Tensor) -> RobotLogits:
-        own = graphs.own_edge.clamp(min=0)
-        has_own = graphs.own_edge >= 0
         tasks = torch.cat([pick(graphs.task_edge, OF_TASK), pick(public, PUBLIC_OF_TASK)[graphs.task]], dim=1)
         places = pick(graphs.task_edge, TASK_PLACE)
-        held = torch.where(has_own[:, None], places[own], 0.0) if len(places) else places.new_zeros(len(own), 2)
+        has_own, own = (graphs.own_edge >= 0)[:, None], graphs.own_edge.clamp(min=0)
+        held = torch.where(has_own, places[own], 0.0) if len(places) else places.new_zeros(len(own), 2)
         at_me, agents, positions = self._agents(graphs, public, held)
         nodes = torch.cat([
             functional.pad(agents, (0, N_OF_TASK)), torch.cat([places, places, functional.pad(tasks, (N_FACTS, 0))], dim=1),
@@ -78,9 +77,7 @@ class RobotActor(nn.Module):
         hidden = self.body(torch.cat([pick(graphs.itself, OWN), embedded], dim=1))
         score = Edges(graphs.task_ptr).score(self.score_task(tasks), None, self.score_robot(hidden), self.score.weight[0])
         score = score + self.score.bias
-        keep_idle = self.keep_idle(hidden)
-        kept = torch.where(has_own, score[own], 0.0) if len(score) else 0.0
-        keep_idle = torch.stack([keep_idle[:, 0] + kept, keep_idle[:, 1]], dim=1)
+        keep_idle = keep_as_chosen(self.keep_idle(hidden), score, graphs.own_edge)
         return RobotLogits(bounded(score), bounded(keep_idle), None, None, None)
 
     def _agents(self, graphs, public, held):
@@ -131,10 +128,7 @@ class OperatorActor(nn.Module):
         told = self.score_embedded(embedded[k:]) + self.score_report(pick(reports, OF_REPORT + OF_REPORTED))
         scored = self.score(torch.relu(told + self.score_operator(hidden)[row_of]))[:, 0]
         score = scored.new_zeros(known.shape).masked_scatter(known, scored)
-        held = score.gather(1, graphs.held.clamp(min=0)[:, None])[:, 0]
-        keep_rest = self.keep_rest(hidden)
-        keep = keep_rest[:, 0] + torch.where(graphs.held >= 0, held, 0.0)
-        return bounded(torch.cat([keep[:, None], keep_rest[:, 1:], score], dim=1))
+        return bounded(hold_as_chosen(self.keep_rest(hidden), score, graphs.held))
 
     def _near(self, graphs, reports, row_of, aims) -> Near:
         """A robot to its operator, who has no place; a task to its robot; robots to each other within reach."""
@@ -179,10 +173,7 @@ class GraphCritic(nn.Module):
         state_of = torch.cat([each.repeat_interleave(r), each.repeat_interleave(h)])
         mean = embedded.new_zeros(s, WIDTH).index_add(0, state_of, embedded) / (r + h)
         context = torch.cat([mean, states.mission], dim=1)
-        roles = (self.robot, states.robot, robots), (self.operator, states.operator, operators)
-        return tuple(
-            value(torch.cat([context.index_select(0, at.state), pick_agents(agents, at)], dim=1)) for value, agents, at in roles
-        )
+        return judge_roles(context, (self.robot, states.robot, robots), (self.operator, states.operator, operators))
 
     def _near(self, states, tasks) -> Near:
         """Into robots from near robots and open tasks; into operators, who have no place, from all robots."""

@@ -4,7 +4,7 @@ from torch import Tensor, nn
 
 from ..critic import N_PARTS
 from ..networks import NODE, mlp
-from ..registry import About, Method, method
+from ..registry import Method, method
 from .mappo import ABOUT, OPERATOR_WIDTH, ROBOT_WIDTH, OperatorMLP, RobotMLP, read_reports, read_robot
 
 
@@ -26,7 +26,7 @@ class LocalCritic(nn.Module):
 class IPPO(Method):
     """Local actors, local critics."""
 
-    about = About(**ABOUT._asdict() | {"critic": "what its actor reads"})
+    about = ABOUT._replace(critic="what its actor reads")
 
     def __init__(self):
         super().__init__(RobotMLP(), OperatorMLP(), LocalCritic())

@@ -6,7 +6,7 @@ Communication follows the fixed schedule (docs/learning.md).
 import torch
 from torch import Tensor, nn
 
-from ..critic import N_PARTS, Agents, mean_agents, pick_agents
+from ..critic import N_PARTS, Agents, judge_roles, mean_agents
 from ..features import OPERATOR, PEER, REPORT, RESOURCE, ROBOT, STATE_MISSION, STATE_OPERATOR, STATE_ROBOT, STATE_TASK, TASK_EDGE
 from ..heads import LEFT_OUT, RobotLogits
 from ..networks import NODE, bounded, linear, pick
@@ -125,10 +125,7 @@ class CentralCritic(nn.Module):
         tasks = (states.task * states.is_open[..., None]).sum(dim=1) / count.clamp(min=1)
         means = mean_agents(states.robot), mean_agents(states.operator), tasks, count / states.task.shape[1]
         pooled = torch.cat([*means, states.mission], dim=1)
-        roles = (self.robot, states.robot, robots), (self.operator, states.operator, operators)
-        return tuple(
-            value(torch.cat([pooled.index_select(0, at.state), pick_agents(agents, at)], dim=1)) for value, agents, at in roles
-        )
+        return judge_roles(pooled, (self.robot, states.robot, robots), (self.operator, states.operator, operators))
 
 
 @method("mappo")
