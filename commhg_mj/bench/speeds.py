@@ -17,6 +17,8 @@ from ..models.layout import draw_layout
 from ..models.mjcf import build_model
 from ..models.world import World, draw_world
 from ..policies import prepare
+from ..policies.planner import Planner
+from ..policies.whole_missions import fly_whole
 from ..radio import DEFAULT_LINKS
 from ..radio.world_links import WorldLinks
 from ..scenarios import SCENARIOS, Scenario
@@ -77,6 +79,25 @@ def epochs_rate(scenario, repeats=3) -> Speed:
     """Decision epochs per CPU-second of one mission alone; best of `repeats`."""
     (flight,) = _fly_timed(scenario, 1, repeats)
     return Speed(f"{scenario.name}: one mission alone", flight.epochs / flight.seconds, "epochs/CPU-s")
+
+
+def planner_costs(scenario, n_missions=16, repeats=2) -> list[Speed]:
+    """Milliseconds of CPU for a whole mission by the planner inside one kernel, and for one robot's decision in Python's loop."""
+    batch, _ = prepare("planner", scenario, range(n_missions), links="abstract")
+    whole = min(_cpu_seconds(partial(fly_whole, batch)) for _ in range(repeats + 1))
+    observations, planner = batch.reset(), Planner(batch)
+    decided, seconds = 0, 0.0
+    while not batch.over.all():
+        start = time.process_time()
+        decisions = planner(observations)
+        seconds += time.process_time() - start
+        decided += len(observations.robots)
+        observations = batch.step(decisions)
+    what = f"{scenario.name}: the planner, abstract links"
+    return [
+        Speed(f"{what}, a whole mission", 1e3 * whole / n_missions, "CPU-ms"),
+        Speed(f"{what}, a robot's decision", 1e3 * seconds / decided, "CPU-ms"),
+    ]
 
 
 def _fly_timed(scenario, n_missions, repeats, models=(DEFAULT_LINKS,)) -> list[Flight]:
@@ -179,6 +200,7 @@ def all_speeds(scenarios, with_start: bool) -> Iterator[Speed]:
         yield from missions_rates(SCENARIOS[name])
         yield epochs_rate(SCENARIOS[name])
         yield world_rate(SCENARIOS[name])
+        yield from planner_costs(SCENARIOS[name])
     yield from link_costs()
     yield from scaling_rates()
     yield from largest_costs()

@@ -22,7 +22,7 @@ class Run:
     scenario: str = "medium"
     """small, medium, large, or a TOML file that overrides one of them"""
     policy: str = "greedy"
-    """random, greedy, or omniscient (privileged reference)"""
+    """random, greedy, cbba, planner, omniscient (privileged reference), a trained method or a file of weights"""
     seed: int = 0
     """of the first mission; the others count up from it"""
     missions: int = 1

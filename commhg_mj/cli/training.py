@@ -3,6 +3,7 @@
 import dataclasses
 import shlex
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import Literal
 
@@ -129,37 +130,43 @@ class Evaluate:
 
     policy: tuple[str, ...] = ("greedy", "random")
     """references, trained methods, or files of weights"""
-    scenario: str = "medium"
-    """small, medium, large, or a TOML file that overrides one of them"""
+    scenario: tuple[str, ...] = ("medium",)
+    """each small, medium, large, or a TOML file that overrides one of them"""
     missions: int = 200
-    """how many"""
-    links: str = DEFAULT_LINKS
-    """link model"""
-    limitation: Limitation = "nominal"
+    """how many, on each scenario"""
+    links: tuple[str, ...] = (DEFAULT_LINKS,)
+    """link models"""
+    limitation: tuple[Limitation, ...] = ("nominal",)
     """of communication"""
     workers: int = 2
     """processes"""
     out: Path | None = None
-    """FILE.json that gets every mission's TWCR and figures of communication"""
+    """FILE.json that gets every mission's TWCR and figures of communication, condition by condition"""
 
     def __call__(self):
-        from ..study.evaluation import evaluate, save_evaluation
-        from .tables.evaluate import evaluation_tables
+        from ..study.evaluation import Condition, evaluate, save_evaluation
+        from .tables.evaluate import evaluation_tables, summary_table
 
         check_file(self.out)
-        scenario = load_scenario(self.scenario)
-        find_link_model(self.links)
-        if not self.policy:
-            raise ValueError("--policy: name at least one policy")
+        for option in ("policy", "scenario", "links", "limitation"):
+            if not getattr(self, option):
+                raise ValueError(f"--{option}: name at least one")
+        scenarios = list(map(load_scenario, self.scenario))
+        for links in self.links:
+            find_link_model(links)
         at_least("missions", self.missions, 2)
         at_least("workers", self.workers, 1)
-        with progress("flying", self.missions * len(self.policy)) as advance:
-            flights = evaluate(scenario, self.policy, self.missions, self.links, self.limitation, self.workers, advance)
-        title = f"{scenario.name}, {self.links} links, {self.limitation} limitation, {self.missions} held-out missions"
-        OUT.print(evaluation_tables(title, flights))
+        conditions = [Condition(*each) for each in product(scenarios, self.links, self.limitation)]
+        results = []
+        with progress("flying", self.missions * len(self.policy) * len(conditions)) as advance:
+            for condition in conditions:
+                flights = evaluate(condition.scenario, self.policy, self.missions, *condition[1:], self.workers, advance)
+                results.append((condition, flights))
+                OUT.print(evaluation_tables(f"{condition}, {self.missions} held-out missions", flights))
+        if len(results) > 1:
+            OUT.print(summary_table(results, self.missions))
         if self.out is not None:
-            settings = {name: value for name, value in dataclasses.asdict(self).items() if name not in ("out", "workers")}
-            save_evaluation(self.out, settings, flights)
+            save_evaluation(self.out, self.missions, results)
 
 
 @dataclass(frozen=True)
@@ -190,7 +197,7 @@ class Publish:
         at_least("missions", self.missions, 2)
         at_least("workers", self.workers, 1)
         check_folder(self.out)
-        with progress("flying", self.missions * 5) as advance:
+        with progress("flying", self.missions * 6) as advance:
             name, card = make_card(path, self.missions, self.links, self.limitation, self.workers, advance)
         make_folder(self.out)
         for target, content in ((f"{name}{ENDING}", path.read_bytes()), (f"{name}.md", card.encode())):

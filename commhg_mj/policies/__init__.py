@@ -18,8 +18,10 @@ from ..mission.batch import MissionBatch
 from ..radio import DEFAULT_LINKS
 from ..scenarios import Scenario, load_scenario
 from . import warm  # noqa: F401  says what the first start runs
+from .cbba import Cbba, with_bids
 from .greedy import Greedy
 from .omniscient import Omniscient, every_second
+from .planner import ABLATIONS, Planner
 from .random import Random
 
 __all__ = ["POLICIES", "SOURCES", "PolicyInfo", "Source", "conditions_of", "find_policy", "label_of", "policy", "prepare"]
@@ -66,10 +68,20 @@ REFERENCES = {
     "random": PolicyInfo(Random),
     "greedy": PolicyInfo(Greedy),
     "greedy+no-query": PolicyInfo(partial(Greedy, asks=False)),
+    "cbba": PolicyInfo(Cbba, flown_in=with_bids),
+    "planner": PolicyInfo(Planner),
     "omniscient": PolicyInfo(Omniscient, True),
 }
 POLICIES = Registry("policy", "commhg_mj.policies", REFERENCES, lambda name, make: policy(name)(make))
-SOURCES: list[Source] = []  # learning/pretrained.py's
+
+
+def find_ablation(name: str) -> PolicyInfo | None:
+    """The planner without one of its rules: "planner+no-claims"."""
+    first, plus, ablation = name.partition("+") if isinstance(name, str) else ("", "", "")
+    return PolicyInfo(partial(Planner, plan=ABLATIONS[ablation])) if first == "planner" and ablation in ABLATIONS else None
+
+
+SOURCES = [Source(find_ablation, lambda name: None, f", planner+ one of {', '.join(ABLATIONS)}")]  # and learning/pretrained.py's
 
 
 def find_policy(name: str) -> PolicyInfo:

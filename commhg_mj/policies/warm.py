@@ -2,18 +2,22 @@
 
 from ..base.kernels import FIRST_START
 from ..mission.batch import MissionBatch
+from .cbba import Cbba
 from .greedy import Greedy
 from .omniscient import Omniscient
+from .planner import Planner
 from .random import Random
+from .whole_missions import fly_whole
 
 
 def fly_a_little() -> None:
-    """Some seconds of a mission with every reference policy."""
+    """Some seconds of a mission with every reference policy, and a whole one inside a kernel."""
     batch = MissionBatch("small", seeds=[0], record=True)
-    for make in (Random, Greedy, Omniscient):
+    for make in (Random, Greedy, Cbba, Planner, Omniscient):
         policy, observations = make(batch), batch.reset()
         for _ in range(20):
             observations = batch.step(policy(observations))
+    fly_whole(batch)
 
 
 FIRST_START.append(fly_a_little)

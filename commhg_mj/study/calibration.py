@@ -22,6 +22,9 @@ FLIGHTS = {  # label: policy, limitation, with operators
     f"{MEASURE}, no operators": (MEASURE, "nominal", False),
     "greedy": ("greedy", "nominal", True),
     "greedy, high": ("greedy", "high", True),
+    "cbba": ("cbba", "nominal", True),
+    "planner": ("planner", "nominal", True),
+    "planner, high": ("planner", "high", True),
     "omniscient": ("omniscient", "nominal", True),
     "omniscient, no operators": ("omniscient", "nominal", False),
 }

@@ -1,6 +1,7 @@
 """Policies on held-out missions, paired mission by mission."""
 
 import json
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,6 +11,18 @@ from ..flights.held_out import HELD_OUT
 from ..flights.statistics import mean_interval, middle_interval
 from ..policies import find_policy, label_of
 from ..replay.communication import FIGURES, fly_and_listen
+from ..scenarios import Scenario
+
+
+class Condition(NamedTuple):
+    """What missions are flown in."""
+
+    scenario: Scenario
+    links: str
+    limitation: str
+
+    def __str__(self):
+        return f"{self.scenario.name}, {self.links} links, {self.limitation} limitation"
 
 
 def evaluate(scenario, policies, n_missions, links, limitation, workers, advance) -> dict:
@@ -39,12 +52,20 @@ def table_names(policies) -> list[str]:
     return [name + " (privileged)" * find_policy(policy).is_privileged for name, policy in zip(names, policies)]
 
 
-def save_evaluation(path, settings: dict, flights: dict) -> None:
-    """The settings, every mission's TWCR and its figures of communication as JSON, null where a mission has none."""
-    twcr = {policy: [score.twcr for score, _ in each] for policy, each in flights.items()}
-    talk = {
-        policy: {name: [None if np.isnan(said[name]) else said[name] for _, said in each] for name in FIGURES}
-        for policy, each in flights.items()
-    }
+def save_evaluation(path, n_missions: int, results: list[tuple[Condition, dict]]) -> None:
+    """Every mission's TWCR and its figures of communication under each condition as JSON, null where a mission has none."""
+    conditions = [
+        {
+            "scenario": condition.scenario.name,
+            "links": condition.links,
+            "limitation": condition.limitation,
+            "twcr": {policy: [score.twcr for score, _ in each] for policy, each in flights.items()},
+            "communication": {
+                policy: {name: [None if np.isnan(said[name]) else said[name] for _, said in each] for name in FIGURES}
+                for policy, each in flights.items()
+            },
+        }
+        for condition, flights in results
+    ]
     with whole_file(path) as draft:
-        draft.write_text(json.dumps({**settings, "twcr": twcr, "communication": talk}))
+        draft.write_text(json.dumps({"missions": n_missions, "first_seed": HELD_OUT, "conditions": conditions}))

@@ -10,7 +10,7 @@ from ..replay.communication import FIGURES, mean_figures
 from ..scenarios import from_json
 from .evaluation import compare_scores, evaluate
 
-REFERENCES = ("greedy", "omniscient")
+REFERENCES = ("greedy", "planner", "omniscient")
 
 CARD = """# {method} for {scenario}
 
@@ -64,7 +64,7 @@ def make_card(path, n_missions: int, links: str, limitation: str, workers: int, 
     variants = [f"{own}+{variant}" for variant in VARIANTS if method.communicates]
     flights = evaluate(scenario, [*REFERENCES, own, *variants], n_missions, links, limitation, workers, advance)
     rows = compare_scores({policy: flights[policy] for policy in (*REFERENCES, own)})
-    greedy, omniscient, learned = (row["twcr"].mean for row in rows)
+    greedy, _, omniscient, learned = (row["twcr"].mean for row in rows)
     gap = f"{(learned - greedy) / (omniscient - greedy):.0%}" if omniscient > greedy else "there is none"
     lacking = compare_scores({policy: flights[policy] for policy in (own, *variants)})
     name = f"{method.name}-{scenario.name}"

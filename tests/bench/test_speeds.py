@@ -114,11 +114,13 @@ def test_everything_that_bench_prints(monkeypatch):
     monkeypatch.setattr(bench, "missions_rates", partial(bench.missions_rates, n_missions=3, repeats=1))
     monkeypatch.setattr(bench, "link_costs", partial(bench.link_costs, n_links=100, repeats=1))
     monkeypatch.setattr(bench, "world_rate", partial(bench.world_rate, n_worlds=1))
+    monkeypatch.setattr(bench, "planner_costs", partial(bench.planner_costs, n_missions=2, repeats=1))
     speeds = list(bench.all_speeds(["small", "large"], with_start=False))
     for_each = ["abstract links", "ray-cast links", "ray-cast over abstract", "one mission alone", "worlds"]
+    for_each += ["a whole mission", "a robot's decision"]
     said = [re.split(r", |: ", speed.what)[-1] for speed in speeds]
-    assert said[:10] == 2 * for_each and len(speeds) == 10 + len(bench.OBSTACLES) + 1 + 8
-    assert [speed.what.startswith("one link, ") for speed in speeds[10:]] == 3 * [True] + 9 * [False]
+    assert said[:14] == 2 * for_each and len(speeds) == 14 + len(bench.OBSTACLES) + 1 + 8
+    assert [speed.what.startswith("one link, ") for speed in speeds[14:]] == 3 * [True] + 9 * [False]
     assert all(np.isfinite(speed.rate) and speed.rate > 0 for speed in speeds)
 
 

@@ -73,8 +73,8 @@ def test_a_policy_is_deterministic_and_seeds_matter(policy):
 
 
 @every_policy
-@pytest.mark.parametrize("sizes", [(1, 0, 0, 1), (0, 1, 0, 1), (1, 1, 5, 2), (0, 3, 1, 30)])
-def test_a_policy_flies_the_smallest_teams(policy, sizes):
+@pytest.mark.parametrize("sizes", [(1, 0, 0, 1), (0, 1, 0, 1), (1, 1, 5, 2), (0, 3, 1, 30), (32, 32, 3, 70)])
+def test_a_policy_flies_the_smallest_and_the_largest_teams(policy, sizes):
     names = ("n_uav", "n_ugv", "n_operators", "n_tasks")
     batch, pilot = prepare(policy, change(SHORT, **dict(zip(names, sizes))), [1])
     assert fly(batch, pilot).over.all()

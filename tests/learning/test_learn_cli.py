@@ -77,8 +77,23 @@ def test_train_then_evaluate(run, tiny, tmp_path, method):
     labels = [line.split()[0] for line in out.replace("│", " ").splitlines() if line.split()]
     assert any(label.startswith("r-") for label in labels), "weights go by their run's name"
     stored = json.loads((tmp_path / "e.json").read_text())
-    assert set(stored["twcr"]) == {"greedy", weights} and all(len(column) == 4 for column in stored["twcr"].values())
-    assert all(np.isfinite(column).all() for column in stored["twcr"].values())
+    (under,) = stored["conditions"]
+    assert (under["scenario"], under["links"], under["limitation"], stored["missions"]) == ("tiny", "raycast", "nominal", 4)
+    assert set(under["twcr"]) == {"greedy", weights} and all(len(column) == 4 for column in under["twcr"].values())
+    assert all(np.isfinite(column).all() for column in under["twcr"].values())
+
+
+def test_evaluate_takes_several_scenarios_links_and_limitations_and_sums_up(run, tiny):
+    code, out, err = run(
+        "evaluate", "--policy", "greedy", "random", "--scenario", tiny, "small", "--links", "abstract", "perfect",
+        "--limitation", "high", "--missions", 2, "--workers", 1, "--out", "e.json",
+    )  # fmt: skip
+    assert code == 0, err
+    conditions = [f"{name}, {links} links, high limitation" for name in ("tiny", "small") for links in ("abstract", "perfect")]
+    assert all(out.count(f"{condition}, 2 held-out missions") == 1 for condition in conditions)
+    assert "TWCR of greedy, the others minus greedy, 2 held-out missions" in out and out.count("| random") == 1
+    stored = json.loads(open("e.json").read())["conditions"]
+    assert [f"{each['scenario']}, {each['links']} links, {each['limitation']} limitation" for each in stored] == conditions
 
 
 def test_resume_goes_on_where_an_interrupted_run_stood(run, tiny, tmp_path, monkeypatch):
@@ -378,7 +393,9 @@ def test_evaluate_refuses_bad_options(refused, tmp_path):
     (tmp_path / "bad.safetensors").write_bytes(b"nonsense")
     assert "bad.safetensors" in refused("evaluate", "--policy", "bad.safetensors")
     assert "nonsense" in refused("evaluate", "--policy", "greedy", "nonsense")
-    assert "--policy" in refused("evaluate", "--policy")
+    for option in ("--policy", "--scenario", "--links", "--limitation"):
+        assert option in refused("evaluate", option)
+    assert "wire" in refused("evaluate", "--links", "abstract", "wire")
     assert "--missions" in refused("evaluate", "--missions", 1)
     assert "--workers" in refused("evaluate", "--workers", 0)
     assert "nowhere" in refused("evaluate", "--scenario", "nowhere")
@@ -415,7 +432,7 @@ def test_publish_writes_weights_and_a_card_of_what_they_do(run, tiny, tmp_path, 
     assert (tmp_path / "p" / files[1]).read_bytes() == weights.read_bytes()
     card = (tmp_path / "p" / files[0]).read_text()
     assert run("evaluate", "--policy", "greedy", weights, "--scenario", tiny, *flight, "--out", "e.json")[0] == 0
-    twcr = [np.array(column) for column in json.loads((tmp_path / "e.json").read_text())["twcr"].values()]
+    twcr = [np.array(column) for column in json.loads((tmp_path / "e.json").read_text())["conditions"][0]["twcr"].values()]
     row = f"| {method} | {mean_interval(twcr[1])} | {middle_interval(twcr[1])} | {mean_interval(twcr[1] - twcr[0])} |"
     assert row in card and ("+no-query" in card) == (method == "commhg") and '"missions": 1' in card
 

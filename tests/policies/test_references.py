@@ -74,5 +74,6 @@ def test_a_privileged_policy_of_ones_own_has_the_same_idealised_conditions(monke
 
 
 def test_unknown_policies_are_refused():
-    with pytest.raises(ValueError, match="unknown policy 'clever': use random, greedy, greedy.no-query, omniscient"):
+    known = "random, greedy, greedy.no-query, cbba, planner, omniscient"
+    with pytest.raises(ValueError, match=f"unknown policy 'clever': use {known}"):
         find_policy("clever")

@@ -17,7 +17,7 @@ from commhg_mj.mission.batch import MissionBatch, stay
 from commhg_mj.mission.trace import make_traces
 from commhg_mj.replay.communication import FIGURES, fly_and_listen, listen
 from commhg_mj.scenarios import SCENARIOS
-from commhg_mj.study.evaluation import evaluate, save_evaluation
+from commhg_mj.study.evaluation import Condition, evaluate, save_evaluation
 
 # No message is lost and each takes a second: asked at t, the query arrives at t + 2, the reply at t + 3.
 SURE = plain(time_limit=60, range=(2.0, 2.0, 2.0), delay=1)
@@ -126,8 +126,10 @@ def test_evaluate_prints_both_tables_and_writes_both(tmp_path):
     asked = [figures["queries"] for _, figures in flights["random"]]
     for words in ("a title", "communication", "omniscient (privileged)", str(mean_interval(asked))):
         assert words in text
-    save_evaluation(tmp_path / "e.json", {"missions": 3}, flights)
+    save_evaluation(tmp_path / "e.json", 3, [(Condition(SHORT, "abstract", "nominal"), flights)])
     stored = json.loads((tmp_path / "e.json").read_text(), parse_constant=pytest.fail)
-    assert set(stored) == {"missions", "twcr", "communication"}
+    assert stored["missions"] == 3 and set(stored) == {"missions", "first_seed", "conditions"}
+    (stored,) = stored["conditions"]
+    assert set(stored) == {"scenario", "links", "limitation", "twcr", "communication"}
     assert stored["communication"]["random"]["queries"] == asked
     assert stored["communication"]["greedy+no-query"]["record_age"] == [None] * 3

@@ -13,7 +13,7 @@ from commhg_mj.study.calibration import FLIGHTS, calibrate
 
 GOOD = {
     "random": 0.2, "greedy+no-query": 0.6, "greedy+no-query high": 0.5, "greedy+no-query low": 0.55,
-    "greedy+no-query alone": 0.5, "greedy": 0.61, "greedy high": 0.52,
+    "greedy+no-query alone": 0.5, "greedy": 0.61, "greedy high": 0.52, "cbba": 0.65, "planner": 0.7, "planner high": 0.66,
     "omniscient": 0.8, "omniscient alone": 0.7,
 }  # fmt: skip
 

@@ -1,10 +1,11 @@
 """What `evaluate` prints: a row a policy, and how each communicates."""
 
+from rich.box import MARKDOWN
 from rich.console import Group
 from rich.table import Table
 
 from ...replay.communication import FIGURES, mean_figures
-from ...study.evaluation import compare_scores
+from ...study.evaluation import Condition, compare_scores
 
 
 def evaluation_tables(title, flights: dict) -> Group:
@@ -17,6 +18,20 @@ def evaluation_tables(title, flights: dict) -> Group:
         table.add_row(*map(str, row.values()))
     labels = [row["policy"] for row in rows]
     return Group(table, communication_table(labels, [[talk for _, talk in each] for each in flights.values()]))
+
+
+def summary_table(results: list[tuple[Condition, dict]], n_missions: int) -> Table:
+    """All conditions side by side: TWCR of the first policy, paired differences of the others to it."""
+    columns = [compare_scores(flights) for _, flights in results]
+    first = columns[0][0]["policy"]
+    title = f"TWCR of {first}, the others minus {first}, {n_missions} held-out missions"
+    table = Table(title=title, title_justify="left", box=MARKDOWN)
+    table.add_column("policy")
+    for condition, _ in results:
+        table.add_column(str(condition))
+    for row, rows in enumerate(zip(*columns)):
+        table.add_row(rows[0]["policy"], *(str(each["difference" if row else "twcr"]) for each in rows))
+    return table
 
 
 def communication_table(labels: list[str], figures: list[list[dict]]) -> Table:

@@ -1,0 +1,233 @@
+"""Planner: every robot assigns the team as it knows it and takes its own part; operators persist (docs/planner.md).
+
+Decentralised assignment on beliefs, also called implicit coordination: robots that know the same choose what fits together
+without a word about it. A policy without privileges: it reads observations and the scenario's public numbers.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..base.arguments import instance
+from ..base.elementary_functions import distance
+from ..base.kernels import kernel
+from ..base.terms import IDLE, KEEP, NOBODY, Activity, Embodiment, Mode, Status
+from ..mission.batch import MissionBatch, stay
+from ..mission.decide import Decisions
+from ..mission.observe import Observations
+from ..mission.records import is_compatible
+from ..mission.service import autonomous_seconds, autonomous_success, controlled_success, timeliness
+from .assignment import Assignment, assign, new_assignment
+from .greedy import CLAIM_TRUST, choose_robots
+from .schedule import follow_schedule
+from .supervision import persist
+
+UAV, CONTROLLED = int(Embodiment.UAV), int(Mode.CONTROLLED)
+SERVICING, TRAVELLING, FAILED = int(Activity.SERVICING), int(Activity.TRAVELLING), int(Activity.FAILED)
+DONE, SERVICED = int(Status.DONE), int(Status.SERVICED)
+FATIGUE = 0.3  # of the operator who may help
+WAITS = 0.9  # how sure a task that is left now is done after the backlog
+LOYALTY = 1.1  # a robot's own task counts this many times: plans do not flicker
+CLAIM = 3.0  # a peer's reported task counts this many times for that peer
+DETOUR = 1.15  # ground robots drive so much farther than the straight way; a robot's own way is measured
+REPEATS = 1.3  # a service that a peer began is believed to last so many of its attempts
+LEAST_SUCCESS = 0.05  # keeps the expected number of attempts finite
+AT_WORK = 1e3  # a service under way is finished
+PERIOD = 30.0  # s between broadcasts while the plan stays the same
+UNTOLD = -9  # no plan has been told yet
+
+
+class Plan(NamedTuple):
+    """What the planner does; each switch is one rule, and `ABLATIONS` leaves one out."""
+
+    assigns: bool = True  # the team to the tasks; else each robot takes its best task that nobody claims
+    expects_control: bool = True  # in every service: hope sends robots to hard tasks, and then operators come
+    heeds_claims: bool = True  # the task that a peer reported lately counts more for that peer
+    reckons: bool = True  # peers on their way on from where they reported
+    speaks_up: bool = True  # broadcasts a change of plan at once; else by the clock of the fixed schedule
+    persists: bool = True  # operators keep a robot until its task is done; else Greedy's operators
+    asks: bool = False  # operators, by the fixed schedule's rule
+
+
+WHOLE = Plan()
+ABLATIONS = {
+    "no-assignment": Plan(assigns=False),
+    "no-dead-reckoning": Plan(reckons=False),
+    "no-control-expected": Plan(expects_control=False),
+    "no-claims": Plan(heeds_claims=False),
+    "clocked": Plan(speaks_up=False),
+    "asking": Plan(asks=True),
+    "greedy-operators": Plan(persists=False),
+}
+
+
+class Desk(NamedTuple):
+    """Scratch of one decision."""
+
+    tasks: np.ndarray  # [T] open ones, a column of the assignment each
+    assignment: Assignment
+
+
+def new_desk(scenario) -> Desk:
+    """Room for the decisions of any robot of a scenario."""
+    return Desk(np.zeros(scenario.n_tasks, np.int64), new_assignment(scenario.n_robots, scenario.n_tasks))
+
+
+class Planner:
+    """Callable policy; remembers what each robot told last."""
+
+    def __init__(self, batch: MissionBatch, plan: Plan = WHOLE):
+        instance("batch", batch, MissionBatch)
+        self.rules, self.plan, self.desk = batch.rules, instance("plan", plan, Plan), new_desk(batch.scenario)
+        self.told = np.full((len(batch.seeds), batch.scenario.n_robots), UNTOLD)
+
+    def __call__(self, observations: Observations) -> Decisions:
+        decisions = stay(observations)
+        decide(self.rules, self.plan, self.desk, self.told, observations, decisions)
+        return decisions
+
+
+@kernel
+def decide(rules, plan, desk, told, observations, decisions):
+    """Fill in the decisions of all who are due.
+
+    Args:
+      rules: [1] RULES.
+      told: [E, R] the plan that each robot told last; brought up to date.
+    """
+    for i in range(observations.robots.shape[0]):
+        robot = observations.robots[i]
+        decisions.task[i] = KEEP if is_settled(robot) else choose_task(rules[0], plan, desk, observations, i)
+    if plan.persists:
+        persist(rules, observations, decisions)
+    else:
+        choose_robots(rules, observations, decisions)
+    follow_schedule(observations, decisions, plan.asks)
+    if plan.speaks_up:
+        tell_changes(told, observations, decisions)
+
+
+@kernel
+def is_settled(robot):
+    """Whether a robot is at work on its task, or has a prescribed one: it does not choose."""
+    return robot.activity == SERVICING and robot.can_keep or not robot.can_idle
+
+
+@kernel
+def tell_changes(told, observations, decisions):
+    """A plan that nobody was told of is broadcast at once: what peers assume of a robot is what it told last."""
+    for i in range(observations.robots.shape[0]):
+        robot = observations.robots[i]
+        e, r, plan = robot.mission, robot.robot, robot.task if decisions.task[i] == KEEP else decisions.task[i]
+        if robot.time == 0.0:
+            told[e, r] = UNTOLD
+        decisions.broadcast[i] = robot.can_broadcast and (told[e, r] != plan or robot.since_broadcast >= PERIOD)
+        if decisions.broadcast[i]:
+            told[e, r] = plan
+
+
+@kernel
+def choose_task(rules, plan, desk, observations, i):
+    """KEEP, IDLE or the task that falls to robot row i."""
+    robot, tasks, peers = observations.robots[i], observations.robot_tasks[i], observations.robot_peers[i]
+    n_open = list_open(tasks, desk.tasks)
+    backlog = expected_wait(rules, n_open, peers)
+    worth, rows = desk.assignment.worth, 1
+    rate_own(rules, plan, robot, tasks, desk.tasks[:n_open], backlog, worth[0])
+    best, choice = 0.0, IDLE
+    if plan.assigns:
+        for k in range(peers.shape[0]):
+            if k != robot.robot and peers[k].age >= 0.0 and peers[k].activity != FAILED:
+                rate_peer(rules, plan, robot.time, peers[k], tasks, desk.tasks[:n_open], backlog, worth[rows])
+                rows += 1
+        assign(desk.assignment, rows, n_open)
+        if desk.assignment.column_of[1] > 0:
+            choice = desk.tasks[desk.assignment.column_of[1] - 1]
+    else:
+        for column in range(n_open):
+            task = tasks[desk.tasks[column]]
+            is_claimed = task.claimed_by != NOBODY and task.claim_age < CLAIM_TRUST
+            if worth[0, column] > best and not is_claimed:
+                best, choice = worth[0, column], desk.tasks[column]
+    return KEEP if choice == robot.task else choice
+
+
+@kernel
+def list_open(tasks, found):
+    """Fill in the released tasks that the robot does not know as done; returns how many."""
+    n = 0
+    for j in range(tasks.shape[0]):
+        if tasks[j].released and tasks[j].status != DONE:
+            found[n] = j
+            n += 1
+    return n
+
+
+@kernel
+def expected_wait(rules, n_open, peers):
+    """Seconds until the team would come round to a task that it leaves now: open mean tasks over robots."""
+    return (rules.service_base + 0.5 * rules.service_per_difficulty) * n_open / peers.shape[0]
+
+
+@kernel
+def rate_own(rules, plan, robot, tasks, columns, backlog, worth):
+    """Fill in the worths of open tasks to the robot itself, which knows its way and its masks."""
+    for column in range(columns.shape[0]):
+        j = columns[column]
+        task, is_held = tasks[j], j == robot.task
+        worth[column] = 0.0
+        is_taken = task.status == SERVICED and task.age < CLAIM_TRUST
+        if is_held and robot.can_keep or task.legal and not is_taken:
+            way = 0.0 if is_held and robot.activity == SERVICING else task.distance
+            saved = regret(rules, plan, task, way / robot.speed, robot.mode, robot.time, backlog)
+            worth[column] = max(0.0, saved) * (LOYALTY if is_held else 1.0)
+
+
+@kernel
+def rate_peer(rules, plan, now, peer, tasks, columns, backlog, worth):
+    """Fill in the worths of open tasks to a peer, as far as its last report tells."""
+    worth[: columns.shape[0]] = 0.0
+    held, x, y = peer.task, float(peer.x), float(peer.y)
+    speed = rules.speed[1 if peer.mode == CONTROLLED else 0, peer.embodiment]
+    if peer.activity == SERVICING:
+        is_at_work = peer.age < REPEATS * autonomous_seconds(rules, tasks[held].difficulty)
+        if is_at_work:
+            for column in range(columns.shape[0]):
+                if columns[column] == held:
+                    worth[column] = AT_WORK
+            return
+        held = NOBODY
+    elif peer.activity == TRAVELLING and plan.reckons:
+        goal = tasks[held]
+        share = min(1.0, peer.age * speed / max(1e-6, distance(goal.x - x, goal.y - y)))
+        x, y = x + share * (goal.x - x), y + share * (goal.y - y)
+    for column in range(columns.shape[0]):
+        j = columns[column]
+        task = tasks[j]
+        if is_compatible(peer.embodiment, task.type):
+            way = distance(task.x - x, task.y - y) * (1.0 if peer.embodiment == UAV else DETOUR)
+            saved = regret(rules, plan, task, way / speed, peer.mode, now, backlog)
+            is_claimed = plan.heeds_claims and j == held and peer.age < CLAIM_TRUST
+            worth[column] = max(0.0, saved) * (CLAIM if is_claimed else 1.0)
+
+
+@kernel
+def regret(rules, plan, task, travel, mode, now, backlog):
+    """Value per second that is saved by going now rather than after the team's backlog.
+
+    Expected seconds count repeated attempts; what has decayed already or can wait is worth little.
+    """
+    success = expected_success(rules, task.difficulty, plan.expects_control or mode == CONTROLLED)
+    seconds = travel + autonomous_seconds(rules, task.difficulty) / success
+    later = now + seconds + backlog
+    then = timeliness(task.deadline, task.decay, later) if later <= rules.time_limit else 0.0
+    return task.value * (timeliness(task.deadline, task.decay, now + seconds) - WAITS * then) / seconds
+
+
+@kernel
+def expected_success(rules, difficulty, is_helped):
+    """Chance of one attempt, by an operator of mean fatigue if one helps."""
+    success = autonomous_success(rules, difficulty)
+    if is_helped:
+        success = max(success, controlled_success(rules, difficulty, FATIGUE))
+    return max(LEAST_SUCCESS, success)
