@@ -15,12 +15,14 @@ from commhg_mj import POLICIES, SCENARIOS, Decisions, Observations, cli, load_sc
 from commhg_mj.learning.pretrained import split_variant, trained_methods
 from commhg_mj.learning.registry import METHODS
 from commhg_mj.mission import observe
+from commhg_mj.policies.planner import ABLATIONS
 from commhg_mj.radio.link_models import LINK, OWN_MODELS
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 PAGES = sorted(page for folder in (".", "docs", "renders", "commhg_mj/learning/trained") for page in (ROOT / folder).glob("*.md"))
-COMMANDS = sorted({line.strip() for page in PAGES for line in re.findall(r"^ *commhg-mj .*$", page.read_text(), re.M)})
+TEXTS = [re.sub(r" \\\n +", " ", page.read_text()) for page in PAGES]  # long commands go on in the next line
+COMMANDS = sorted({line.strip() for text in TEXTS for line in re.findall(r"^ *commhg-mj .*$", text, re.M)})
 
 
 def blocks(language):
@@ -131,11 +133,15 @@ def test_every_command_parses(line):
     except SystemExit:
         pytest.fail(f"not a command: {line}")
     assert type(command).__name__.lower() == words[1]
-    policies, scenario = getattr(command, "policy", None) or (), getattr(command, "scenario", "all")
-    policies = {policies} if isinstance(policies, str) else set(policies)
-    known = (*POLICIES, *trained_methods())
+    policies, scenarios = (several(getattr(command, name, None) or ()) for name in ("policy", "scenario"))
+    known = (*POLICIES, *trained_methods(), *(f"planner+{ablation}" for ablation in ABLATIONS))
     assert all(policy in known or policy.endswith("/weights.safetensors") for policy, _ in map(split_variant, policies))
-    assert scenario in (*SCENARIOS, "all") or scenario.endswith(".toml")
+    assert all(scenario in (*SCENARIOS, "all") or scenario.endswith(".toml") for scenario in scenarios)
+
+
+def several(names) -> set[str]:
+    """What an option names, whether it takes one or several."""
+    return {names} if isinstance(names, str) else set(names)
 
 
 def test_every_command_is_shown():
