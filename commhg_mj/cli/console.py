@@ -20,6 +20,7 @@ for name in ("stdout", "stderr"):
 Limitation = Literal["nominal", "low", "high"]
 Profile = Literal["matched", "edge", "radio"]
 OUT = Console(width=None if sys.stdout.isatty() else 160)
+WIDE = Console(width=1000)  # for tables that go into pages: their lines are not broken
 LOG = Console(stderr=True)
 
 

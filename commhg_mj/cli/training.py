@@ -14,7 +14,7 @@ from ..base.files import held
 from ..base.kernels import ensure_compiled
 from ..radio import DEFAULT_LINKS, find_link_model
 from ..scenarios import load_scenario
-from .console import LOG, OUT, Limitation, at_least, check_file, check_folder, make_folder, progress, say
+from .console import LOG, OUT, WIDE, Limitation, at_least, check_file, check_folder, make_folder, progress, say
 
 
 @dataclass(frozen=True)
@@ -164,7 +164,7 @@ class Evaluate:
                 results.append((condition, flights))
                 OUT.print(evaluation_tables(f"{condition}, {self.missions} held-out missions", flights))
         if len(results) > 1:
-            OUT.print(summary_table(results, self.missions))
+            WIDE.print(summary_table(results, self.missions))
         if self.out is not None:
             save_evaluation(self.out, self.missions, results)
 

@@ -1,11 +1,12 @@
 """Several processes that train one policy."""
 
+import dataclasses
 import os
 import time
 
 import pytest
 import torch
-from learners import run, same_bits, updated
+from learners import QUICK, run, same_bits, updated
 
 from commhg_mj.learning.distributed import ALONE, NotConnected, ProcessGroup, WorkerEnded, _meet, process_group
 from commhg_mj.learning.train import TRAINING_SEEDS, Training
@@ -19,7 +20,7 @@ def train_together(group, folder):
     group.average([ranks])
     assert ranks.tolist() == [[1.5], [0.0]] and group.total(1, group.rank) == [2, 1] and group.least(3 + group.rank) == 3
     assert group.gather(group.rank) == ([0, 1] if group.is_first else [])
-    training = run(folder / "run", workers=SIZE, group=group)
+    training = run(folder / "run", workers=SIZE, group=group, hyper=dataclasses.replace(QUICK, decisions=80))
     updated(training, 2).save()
     updated(training, 1)
     held = {

@@ -203,8 +203,13 @@ def test_cloning_teaches_nobody_not_to_ask(tmp_path):
 RECURRENT = {name for name in NAMES if any(isinstance(part, nn.RNNBase) for part in METHODS[name]().modules())}
 
 
-# torch has fused kernels of its own for recurrent layers on devices; this one has none.
-@pytest.mark.parametrize("method", sorted(set(NAMES) - RECURRENT))
+# torch has fused kernels of its own for recurrent layers on devices; this one has none. Relatives of CommHG move as it does.
+RELATIVES = {name for name in NAMES if issubclass(METHODS[name], METHODS["commhg"])} - {"commhg"}
+
+
+@pytest.mark.parametrize(
+    "method", [pytest.param(name, marks=pytest.mark.slow if name in RELATIVES else ()) for name in sorted(set(NAMES) - RECURRENT)]
+)
 def test_another_device_learns_the_same(tmp_path, method, monkeypatch):
     """No tensor of the update stays behind on the CPU; what was learned comes back to where missions are flown."""
     monkeypatch.setattr(ppo, "check_device", lambda device: None)

@@ -167,7 +167,7 @@ def test_a_teacher_decides_and_its_choices_are_kept(tmp_path):
 
 def test_one_mission_alone_trains(tmp_path):
     """Steps in which only operators are due, or nobody."""
-    updated(run(tmp_path, side_by_side=1, first_updates=0), 3)
+    updated(run(tmp_path, side_by_side=1, first_updates=0, hyper=dataclasses.replace(QUICK, decisions=50)), 2)
 
 
 @pytest.mark.filterwarnings("error")
