@@ -107,7 +107,7 @@ def ensure_compiled() -> None:
     if COMPILED.exists() or not FIRST_START:
         return
     compile_all = FIRST_START.pop()  # it begins missions itself
-    print("compiling kernels, once for this version (about half a minute) ...", end=" ", file=sys.stderr, flush=True)
+    print("compiling kernels, once for this version (one to three minutes) ...", end=" ", file=sys.stderr, flush=True)
     start = time.perf_counter()
     compile_all()
     COMPILED.touch()

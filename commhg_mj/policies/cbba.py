@@ -97,8 +97,8 @@ def bid_and_tell(rules, auction, found, observations, decisions):
         e, r = robot.mission, robot.robot
         if robot.time == 0.0:
             forget(auction, e, r)
-        hear_peers(auction, robot, observations.robot_peers[i])
         let_go_of_old(auction.tables, e, r, robot.time)
+        hear_peers(auction, robot, observations.robot_peers[i])
         tasks = observations.robot_tasks[i]
         build_bundle(rules[0], auction, robot, tasks, found[: list_open(tasks, found)])
         first = auction.path[e, r, 0]
@@ -189,7 +189,7 @@ def outbids(bid, robot, other_bid, other_robot):
 
 @kernel
 def let_go_of_old(tables, e, r, now):
-    """Bids that nobody has confirmed for long are void: their robot may have failed, or be out of reach for good."""
+    """Own bids are made anew; others' that nobody has confirmed for long are void: their robot may have failed, or be far."""
     for j in range(tables.winner.shape[2]):
         if tables.winner[e, r, j] == r or now - tables.made[e, r, j] > CLAIM_TRUST:
             tables.winner[e, r, j] = NOBODY
