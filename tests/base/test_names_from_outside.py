@@ -95,7 +95,7 @@ def test_a_decorated_policy_flies_by_its_name():
         assert np.isfinite(scores[0].twcr)
     finally:
         del commhg_mj.POLICIES["test-still"]
-    with pytest.raises(ValueError, match="unknown policy .test-still.: use random, greedy, greedy.no-query, omniscient or"):
+    with pytest.raises(ValueError, match="unknown policy .test-still.: use random, greedy, greedy.no-query, cbba, planner, omni"):
         find_policy("test-still")
 
 

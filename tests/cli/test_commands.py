@@ -232,7 +232,7 @@ def test_calibrate_prints_figures_and_rules(run, tiny_scales):
     [
         (["--scenario", "medum"], ["medum", "small, medium, large"]),
         (["--scenario", "none.toml"], ["none.toml", "No such file"]),
-        (["--policy", "gredy"], ["gredy", "random, greedy, greedy+no-query, omniscient"]),
+        (["--policy", "gredy"], ["gredy", "random, greedy, greedy+no-query, cbba, planner, omniscient"]),
         (["--links", "laser"], ["laser", "abstract"]),
         (["--missions", 0], ["--missions", "0"]),
         (["--workers", 0], ["--workers", "0"]),
