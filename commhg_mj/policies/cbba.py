@@ -97,8 +97,9 @@ def bid_and_tell(rules, auction, found, observations, decisions):
         e, r = robot.mission, robot.robot
         if robot.time == 0.0:
             forget(auction, e, r)
-        let_go_of_old(auction.tables, e, r, robot.time)
+        # Peers' bids meet the robot's own as it told them: later ones are lower, since tasks decay, and both would give way.
         hear_peers(auction, robot, observations.robot_peers[i])
+        let_go_of_old(auction.tables, e, r, robot.time)
         tasks = observations.robot_tasks[i]
         build_bundle(rules[0], auction, robot, tasks, found[: list_open(tasks, found)])
         first = auction.path[e, r, 0]
