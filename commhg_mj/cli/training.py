@@ -160,7 +160,8 @@ class Evaluate:
         results = []
         with progress("flying", self.missions * len(self.policy) * len(conditions)) as advance:
             for condition in conditions:
-                flights = evaluate(condition.scenario, self.policy, self.missions, *condition[1:], self.workers, advance)
+                scenario, links, limitation = condition
+                flights = evaluate(scenario, self.policy, self.missions, links, limitation, self.workers, advance)
                 results.append((condition, flights))
                 OUT.print(evaluation_tables(f"{condition}, {self.missions} held-out missions", flights))
         if len(results) > 1:
@@ -190,14 +191,14 @@ class Publish:
         from ..base.files import whole_file
         from ..learning.pretrained import ENDING
         from ..learning.train import WEIGHTS
-        from ..study.model_card import make_card
+        from ..study.model_card import N_FLIGHTS, make_card
 
         path = self.run / WEIGHTS if self.run.is_dir() else self.run
         find_link_model(self.links)
         at_least("missions", self.missions, 2)
         at_least("workers", self.workers, 1)
         check_folder(self.out)
-        with progress("flying", self.missions * 6) as advance:
+        with progress("flying", self.missions * N_FLIGHTS) as advance:
             name, card = make_card(path, self.missions, self.links, self.limitation, self.workers, advance)
         make_folder(self.out)
         for target, content in ((f"{name}{ENDING}", path.read_bytes()), (f"{name}.md", card.encode())):

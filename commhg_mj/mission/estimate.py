@@ -3,6 +3,9 @@
 from ..base.kernels import kernel
 from .service import autonomous_seconds, autonomous_success, controlled_success, slowdown, timeliness
 
+WAITS = 0.9  # how sure a task that is left now is done after the backlog
+LEAST_SUCCESS = 0.05  # keeps the expected number of attempts finite
+
 
 @kernel
 def attempt(rules, distance, speed, difficulty, deadline, decay, now):
@@ -19,6 +22,29 @@ def expected_utility(rules, distance, speed, difficulty, value, deadline, decay,
     """
     gain, seconds = attempt(rules, distance, speed, difficulty, deadline, decay, now)
     return value * gain / seconds
+
+
+@kernel
+def expected_seconds(travel, service, success):
+    """Seconds until a task is done, repeated attempts counted."""
+    return travel + service / max(LEAST_SUCCESS, success)
+
+
+@kernel
+def expected_wait(rules, n_tasks, n_robots):
+    """Seconds until a team would come round to a task that it leaves now: open mean tasks over robots."""
+    return (rules.service_base + 0.5 * rules.service_per_difficulty) * n_tasks / n_robots
+
+
+@kernel
+def regret(rules, task, seconds, now, backlog):
+    """Value per second that is saved by going now, which takes so many seconds, rather than after the backlog.
+
+    What has decayed already or can wait is worth little.
+    """
+    later = now + seconds + backlog
+    then = timeliness(task.deadline, task.decay, later) if later <= rules.time_limit else 0.0
+    return task.value * (timeliness(task.deadline, task.decay, now + seconds) - WAITS * then) / seconds
 
 
 @kernel

@@ -73,15 +73,10 @@ REFERENCES = {
     "omniscient": PolicyInfo(Omniscient, True),
 }
 POLICIES = Registry("policy", "commhg_mj.policies", REFERENCES, lambda name, make: policy(name)(make))
-
-
-def find_ablation(name: str) -> PolicyInfo | None:
-    """The planner without one of its rules: "planner+no-claims"."""
-    first, plus, ablation = name.partition("+") if isinstance(name, str) else ("", "", "")
-    return PolicyInfo(partial(Planner, plan=ABLATIONS[ablation])) if first == "planner" and ablation in ABLATIONS else None
-
-
-SOURCES = [Source(find_ablation, lambda name: None, f", planner+ one of {', '.join(ABLATIONS)}")]  # and learning/pretrained.py's
+ABLATED = {f"planner+{name}": PolicyInfo(partial(Planner, plan=plan)) for name, plan in ABLATIONS.items()}
+SOURCES = [  # and learning/pretrained.py's
+    Source(lambda name: ABLATED.get(str(name)), lambda name: None, f", planner+ one of {', '.join(ABLATIONS)}")
+]
 
 
 def find_policy(name: str) -> PolicyInfo:

@@ -15,6 +15,7 @@ from ..base.kernels import kernel
 from ..base.terms import IDLE, KEEP, NOBODY, Activity, Embodiment, Status
 from ..mission.batch import MissionBatch, stay
 from ..mission.decide import Decisions
+from ..mission.estimate import expected_seconds
 from ..mission.observe import Observations
 from ..mission.service import autonomous_seconds, timeliness
 from ..scenarios import Scenario
@@ -111,7 +112,7 @@ def bid_and_tell(rules, auction, found, observations, decisions):
     follow_schedule(observations, decisions, False)
     for i in range(observations.robots.shape[0]):
         robot = observations.robots[i]
-        is_news = differs(auction.told[robot.mission, robot.robot], auction.path[robot.mission, robot.robot])
+        is_news = np.any(auction.told[robot.mission, robot.robot] != auction.path[robot.mission, robot.robot])
         decisions.broadcast[i] = robot.can_broadcast and (is_news or robot.since_broadcast >= PERIOD)
         if decisions.broadcast[i]:
             send_bids(auction, robot)
@@ -125,15 +126,6 @@ def forget(auction, e, r):
     auction.told[e, r] = UNTOLD
     auction.heard[e, r] = -1.0
     auction.sent[e, r] = -1.0
-
-
-@kernel
-def differs(one, other):
-    """Whether two paths are not the same."""
-    for k in range(one.shape[0]):
-        if one[k] != other[k]:
-            return True
-    return False
 
 
 # Consensus.
@@ -276,7 +268,8 @@ def score(rules, robot, tasks, path, n):
             way = 0.0 if path[0] == robot.task and robot.activity == SERVICING else float(task.distance)
         else:
             way = distance(task.x - x, task.y - y) * (1.0 if robot.embodiment == UAV else DETOUR)
-        seconds += way / robot.speed + autonomous_seconds(rules, task.difficulty) / expected_success(rules, task.difficulty, True)
+        success = expected_success(rules, task.difficulty, True)
+        seconds += expected_seconds(way / robot.speed, autonomous_seconds(rules, task.difficulty), success)
         end = robot.time + seconds
         if end <= rules.time_limit:
             total += task.value * timeliness(task.deadline, task.decay, end) * exp(-seconds / PATIENCE)
@@ -291,7 +284,7 @@ def score(rules, robot, tasks, path, n):
 def send_bids(auction, robot):
     """Write down what the broadcast of this second carries: all of one's own bids, then the newest others."""
     e, r = robot.mission, robot.robot
-    letter, tables = oldest(auction.sent[e, r]), auction.tables
+    letter, tables = auction.sent[e, r].argmin(), auction.tables  # in place of the one that left first
     auction.sent[e, r, letter] = robot.time
     auction.told[e, r] = auction.path[e, r]
     tasks = auction.tasks[e, r, letter]
@@ -315,13 +308,3 @@ def send_bids(auction, robot):
         auction.letters.winner[e, r, letter, b] = tables.winner[e, r, j]
         auction.letters.bid[e, r, letter, b] = tables.bid[e, r, j]
         auction.letters.made[e, r, letter, b] = tables.made[e, r, j]
-
-
-@kernel
-def oldest(sent):
-    """The letter that left first."""
-    first = 0
-    for k in range(1, sent.shape[0]):
-        if sent[k] < sent[first]:
-            first = k
-    return first

@@ -84,15 +84,20 @@ def choose_robots(rules, observations, decisions):
         best, choice = 0.0, REST
         for r in range(observations.operator_reports.shape[1]):
             report = observations.operator_reports[i, r]
-            taken = report.controller != NOBODY and report.controller != operator.operator
-            if report.age < 0.0 or report.age > REPORT_TRUST or taken or operator.fatigue >= TIRED:
-                continue
-            worth = gain(rules, operator, report)
-            if 0.0 <= report.request_age < REPORT_TRUST:
-                worth *= REQUESTED
+            worth = promise(rules, operator, report)
             if worth > best and (report.legal or r == operator.robot):
                 best, choice = worth, KEEP if r == operator.robot else r
         decisions.operator[i] = choice
+
+
+@kernel
+def promise(rules, operator, report):
+    """What an operator may expect of a robot, more if it asked for help; -inf if tired, by an old report, or another's."""
+    is_taken = report.controller != NOBODY and report.controller != operator.operator
+    if report.age < 0.0 or report.age > REPORT_TRUST or is_taken or operator.fatigue >= TIRED:
+        return -np.inf
+    is_requested = 0.0 <= report.request_age < REPORT_TRUST
+    return gain(rules, operator, report) * (REQUESTED if is_requested else 1.0)
 
 
 @kernel

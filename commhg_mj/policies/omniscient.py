@@ -16,7 +16,7 @@ from ..base.terms import IDLE, NOBODY, REST, Activity, Embodiment, Mode
 from ..mission.accessors import routes_of, scratch_of, true_operator, true_robot, true_task
 from ..mission.batch import MissionBatch, stay
 from ..mission.decide import Decisions
-from ..mission.estimate import control_gain
+from ..mission.estimate import control_gain, expected_seconds, expected_wait, regret
 from ..mission.observe import Observations
 from ..mission.records import DONE, is_compatible
 from ..mission.service import (
@@ -24,14 +24,12 @@ from ..mission.service import (
     autonomous_success,
     controlled_seconds,
     controlled_success,
-    timeliness,
 )
 from ..models.routes import measure_goals
 from ..scenarios import Scenario
 
 UGV, CONTROLLED = int(Embodiment.UGV), int(Mode.CONTROLLED)
 FAILED, SERVICING = int(Activity.FAILED), int(Activity.SERVICING)
-WAITS = 0.9  # how sure a task that is left now is done after the backlog
 LOYALTY = 1.1  # a robot's present target counts this many times: assignments do not flicker
 HOLD = 2.0  # likewise the robot that an operator holds when its task is done: handovers cost time
 
@@ -88,7 +86,7 @@ def rate_tasks(missions, worth):
     """Fill [E, R, T] with the true utility of every open task to every robot; 0 where there is none."""
     for e in range(missions.shape[0]):
         m = missions[e]
-        backlog = expected_wait(m)
+        backlog = team_wait(m)
         for r in range(m.n_robots):
             robot = true_robot(m, r)
             worth[e, r, :] = 0.0
@@ -101,14 +99,14 @@ def rate_tasks(missions, worth):
 
 
 @kernel
-def expected_wait(m):
-    """Seconds until the team would come round to a task that it leaves now: open mean tasks over robots."""
+def team_wait(m):
+    """Seconds until the team would come round to a task that it leaves now."""
     robots, tasks = 0, 0
     for r in range(m.n_robots):
         robots += true_robot(m, r).activity != FAILED
     for j in range(m.n_tasks):
         tasks += true_task(m, j).released and true_task(m, j).status != DONE
-    return (m.rules.service_base + 0.5 * m.rules.service_per_difficulty) * tasks / max(1, robots)
+    return expected_wait(m.rules, tasks, max(1, robots))
 
 
 @kernel
@@ -128,28 +126,23 @@ def rate_robot(m, robot, backlog, worth):
     speed = m.rules.speed[1 if robot.mode == CONTROLLED else 0, robot.embodiment]
     for k in range(count):
         j = wanted[k]
-        worth[j] = regret(m, robot, true_task(m, j), lengths[k] / speed, backlog)
+        task = true_task(m, j)
+        worth[j] = regret(m.rules, task, task_seconds(m, robot, task, lengths[k] / speed), m.now, backlog)
         if j == robot.task:
             worth[j] *= LOYALTY
 
 
 @kernel
-def regret(m, robot, task, travel, backlog):
-    """Value per second that is saved by going now rather than after the backlog.
-
-    Expected seconds count repeated attempts; what has decayed already or can wait is worth little.
-    """
-    rules, now = m.rules, m.now
+def task_seconds(m, robot, task, travel):
+    """Expected seconds until a task is done, by the operator who holds the robot now, if one does."""
+    rules = m.rules
     if robot.controller != NOBODY:
         operator = true_operator(m, robot.controller)
         success = controlled_success(rules, task.difficulty, operator.fatigue)
         service = controlled_seconds(rules, operator, robot.embodiment, task.difficulty)
     else:
         success, service = autonomous_success(rules, task.difficulty), autonomous_seconds(rules, task.difficulty)
-    seconds = travel + service / max(0.05, success)
-    later = now + seconds + backlog
-    then = timeliness(task.deadline, task.decay, later) if later <= rules.time_limit else 0.0
-    return task.value * (timeliness(task.deadline, task.decay, now + seconds) - WAITS * then) / seconds
+    return expected_seconds(travel, service, success)
 
 
 @kernel

@@ -14,9 +14,10 @@ from ..base.kernels import kernel
 from ..base.terms import IDLE, KEEP, NOBODY, Activity, Embodiment, Mode, Status
 from ..mission.batch import MissionBatch, stay
 from ..mission.decide import Decisions
+from ..mission.estimate import expected_seconds, expected_wait, regret
 from ..mission.observe import Observations
 from ..mission.records import is_compatible
-from ..mission.service import autonomous_seconds, autonomous_success, controlled_success, timeliness
+from ..mission.service import autonomous_seconds, autonomous_success, controlled_success
 from .assignment import Assignment, assign, new_assignment
 from .greedy import CLAIM_TRUST, choose_robots
 from .schedule import follow_schedule
@@ -26,12 +27,10 @@ UAV, CONTROLLED = int(Embodiment.UAV), int(Mode.CONTROLLED)
 SERVICING, TRAVELLING, FAILED = int(Activity.SERVICING), int(Activity.TRAVELLING), int(Activity.FAILED)
 DONE, SERVICED = int(Status.DONE), int(Status.SERVICED)
 FATIGUE = 0.3  # of the operator who may help
-WAITS = 0.9  # how sure a task that is left now is done after the backlog
 LOYALTY = 1.1  # a robot's own task counts this many times: plans do not flicker
 CLAIM = 3.0  # a peer's reported task counts this many times for that peer
 DETOUR = 1.15  # ground robots drive so much farther than the straight way; a robot's own way is measured
 REPEATS = 1.3  # a service that a peer began is believed to last so many of its attempts
-LEAST_SUCCESS = 0.05  # keeps the expected number of attempts finite
 AT_WORK = 1e3  # a service under way is finished
 PERIOD = 30.0  # s between broadcasts while the plan stays the same
 UNTOLD = -9  # no plan has been told yet
@@ -131,7 +130,7 @@ def choose_task(rules, plan, desk, observations, i):
     """KEEP, IDLE or the task that falls to robot row i."""
     robot, tasks, peers = observations.robots[i], observations.robot_tasks[i], observations.robot_peers[i]
     n_open = list_open(tasks, desk.tasks)
-    backlog = expected_wait(rules, n_open, peers)
+    backlog = expected_wait(rules, n_open, peers.shape[0])
     worth, rows = desk.assignment.worth, 1
     rate_own(rules, plan, robot, tasks, desk.tasks[:n_open], backlog, worth[0])
     best, choice = 0.0, IDLE
@@ -164,12 +163,6 @@ def list_open(tasks, found):
 
 
 @kernel
-def expected_wait(rules, n_open, peers):
-    """Seconds until the team would come round to a task that it leaves now: open mean tasks over robots."""
-    return (rules.service_base + 0.5 * rules.service_per_difficulty) * n_open / peers.shape[0]
-
-
-@kernel
 def rate_own(rules, plan, robot, tasks, columns, backlog, worth):
     """Fill in the worths of open tasks to the robot itself, which knows its way and its masks."""
     for column in range(columns.shape[0]):
@@ -179,7 +172,7 @@ def rate_own(rules, plan, robot, tasks, columns, backlog, worth):
         is_taken = task.status == SERVICED and task.age < CLAIM_TRUST
         if is_held and robot.can_keep or task.legal and not is_taken:
             way = 0.0 if is_held and robot.activity == SERVICING else task.distance
-            saved = regret(rules, plan, task, way / robot.speed, robot.mode, robot.time, backlog)
+            saved = regret(rules, task, task_seconds(rules, plan, task, way / robot.speed, robot.mode), robot.time, backlog)
             worth[column] = max(0.0, saved) * (LOYALTY if is_held else 1.0)
 
 
@@ -206,28 +199,20 @@ def rate_peer(rules, plan, now, peer, tasks, columns, backlog, worth):
         task = tasks[j]
         if is_compatible(peer.embodiment, task.type):
             way = distance(task.x - x, task.y - y) * (1.0 if peer.embodiment == UAV else DETOUR)
-            saved = regret(rules, plan, task, way / speed, peer.mode, now, backlog)
+            saved = regret(rules, task, task_seconds(rules, plan, task, way / speed, peer.mode), now, backlog)
             is_claimed = plan.heeds_claims and j == held and peer.age < CLAIM_TRUST
             worth[column] = max(0.0, saved) * (CLAIM if is_claimed else 1.0)
 
 
 @kernel
-def regret(rules, plan, task, travel, mode, now, backlog):
-    """Value per second that is saved by going now rather than after the team's backlog.
-
-    Expected seconds count repeated attempts; what has decayed already or can wait is worth little.
-    """
+def task_seconds(rules, plan, task, travel, mode):
+    """Expected seconds until a task is done, with the help that is expected."""
     success = expected_success(rules, task.difficulty, plan.expects_control or mode == CONTROLLED)
-    seconds = travel + autonomous_seconds(rules, task.difficulty) / success
-    later = now + seconds + backlog
-    then = timeliness(task.deadline, task.decay, later) if later <= rules.time_limit else 0.0
-    return task.value * (timeliness(task.deadline, task.decay, now + seconds) - WAITS * then) / seconds
+    return expected_seconds(travel, autonomous_seconds(rules, task.difficulty), success)
 
 
 @kernel
 def expected_success(rules, difficulty, is_helped):
     """Chance of one attempt, by an operator of mean fatigue if one helps."""
     success = autonomous_success(rules, difficulty)
-    if is_helped:
-        success = max(success, controlled_success(rules, difficulty, FATIGUE))
-    return max(LEAST_SUCCESS, success)
+    return max(success, controlled_success(rules, difficulty, FATIGUE)) if is_helped else success

@@ -4,7 +4,7 @@ import numpy as np
 
 from ..base.kernels import kernel
 from ..base.terms import KEEP, NOBODY, REST, Activity, Session
-from .greedy import REPORT_TRUST, REQUESTED, TIRED, gain
+from .greedy import TIRED, gain, promise
 
 RESTING, FAILED = int(Session.REST), int(Activity.FAILED)
 HOLD = 2.0  # the gain of the robot that is held counts this many times: a handover costs time
@@ -25,22 +25,14 @@ def persist(rules, observations, decisions):
 def best_robot(rules, operator, reports):
     """The choice of an operator who is free, or whose robot has left its task."""
     best, choice = 0.0, REST
-    if operator.fatigue >= TIRED:
-        return choice
-    if operator.session != RESTING:
+    if operator.session != RESTING and operator.fatigue < TIRED:
         held = reports[operator.robot]
         if held.activity != FAILED:
             # A robot without a task has just done one: its next report will name another.
             best = np.inf if held.task == NOBODY else HOLD * gain(rules, operator, held)
             choice = KEEP if best > 0.0 else REST
     for r in range(reports.shape[0]):
-        report = reports[r]
-        is_taken = report.controller != NOBODY and report.controller != operator.operator
-        if not report.legal or report.age > REPORT_TRUST or is_taken:
-            continue
-        worth = gain(rules, operator, report)
-        if 0.0 <= report.request_age < REPORT_TRUST:
-            worth *= REQUESTED
-        if worth > best:
+        worth = promise(rules, operator, reports[r])
+        if worth > best and reports[r].legal:
             best, choice = worth, r
     return choice

@@ -11,6 +11,7 @@ from ..scenarios import from_json
 from .evaluation import compare_scores, evaluate
 
 REFERENCES = ("greedy", "planner", "omniscient")
+N_FLIGHTS = len(REFERENCES) + 1 + len(VARIANTS)  # of a card's missions, at most
 
 CARD = """# {method} for {scenario}
 
