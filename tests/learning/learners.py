@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
+import pytest
 import torch
 from strategies import change
 
@@ -32,6 +33,9 @@ from commhg_mj.scenarios import SCENARIOS
 torch.set_num_threads(1)
 find_method("commhg")  # fills the registry
 NAMES = sorted(METHODS)
+# What takes long is tried by default on one method of each family: relatives of CommHG share its code and are slow tests.
+RELATIVES = {name for name in NAMES if issubclass(METHODS[name], METHODS["commhg"])} - {"commhg"}
+FAMILIES = [pytest.param(name, marks=pytest.mark.slow if name in RELATIVES else ()) for name in NAMES]
 SHORT = change(SCENARIOS["small"], time_limit=40, n_tasks=10, forest_share=0.0, mountain_share=0.0)
 QUICK = Hyper(decisions=160, minibatches=2, epochs=1)
 

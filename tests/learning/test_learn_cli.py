@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from learners import NAMES, QUICK
+from learners import FAMILIES, QUICK
 
 from commhg_mj.base.files import LOCK, held
 from commhg_mj.base.kernels import ensure_compiled
@@ -63,7 +63,7 @@ def options(tiny, out, **more):
     return [word for name, value in more.items() for word in (f"--{name}", value)]
 
 
-@pytest.mark.parametrize("method", NAMES)
+@pytest.mark.parametrize("method", FAMILIES)
 def test_train_then_evaluate(run, tiny, tmp_path, method):
     code, out, err = run("train", *options(tiny, "r", method=method, missions=4))
     assert code == 0 and "weights.safetensors after" in out and "update    1" in err and "TWCR" in err

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 from flying import Wanderer, copied, differences, fingerprint, fly
-from learners import NAMES, SHORT, run, shaken, updated
+from learners import FAMILIES, NAMES, SHORT, run, shaken, updated
 from mission.test_secrets import ARRAYS, keep_public, overwrite, scramble
 from strategies import change
 
@@ -21,6 +21,7 @@ from commhg_mj.scenarios import SCENARIOS
 from commhg_mj.study.evaluation import table_names
 
 every_method = pytest.mark.parametrize("name", NAMES)
+every_family = pytest.mark.parametrize("name", FAMILIES)
 LONG = change(SHORT, time_limit=150, released_at_start=0.5)
 
 
@@ -48,7 +49,7 @@ def test_a_method_has_its_parts(name):
     assert all(part.dtype == torch.float32 for part in method.state_dict().values())
 
 
-@every_method
+@every_family
 def test_a_method_learns_is_saved_found_and_flies(name, tmp_path):
     training = run(tmp_path, name, first_updates=0)
     before = {key: value.clone() for key, value in training.method.state_dict().items()}
@@ -69,7 +70,7 @@ def test_a_method_learns_is_saved_found_and_flies(name, tmp_path):
     assert fly_missions(SHORT, path, range(3)) == scores
 
 
-@every_method
+@every_family
 @pytest.mark.parametrize("scenario", SCENARIOS)
 def test_a_method_flies_every_scenario_with_legal_decisions(name, scenario):
     batch = MissionBatch(scenario, [1])
@@ -78,7 +79,7 @@ def test_a_method_flies_every_scenario_with_legal_decisions(name, scenario):
     assert batch.time[0] >= 30
 
 
-@every_method
+@every_family
 @pytest.mark.parametrize("sizes", [(1, 0, 0, 1), (0, 1, 0, 1), (1, 1, 5, 2), (0, 12, 9, 30), (60, 4, 3, 70)])
 def test_a_method_flies_any_team(name, sizes):
     limit = 40 if sum(sizes[:2]) < 64 else 12
@@ -161,7 +162,7 @@ def test_greedy_play_takes_the_best_and_draws_are_the_missions_own(name):
     assert drawn[0] == drawn[1] == drawn[2], "draws hang on the mission's seed and the time, on nothing that was drawn before"
 
 
-@every_method
+@every_family
 def test_a_mission_does_not_depend_on_its_neighbours(name):
     """The contract of every policy (tests/contracts): results do not depend on which missions fly side by side."""
 

@@ -6,7 +6,7 @@ import far
 import numpy as np
 import pytest
 import torch
-from learners import NAMES, QUICK, SHORT, Row, experience, run, shaken, updated
+from learners import FAMILIES, NAMES, QUICK, SHORT, Row, experience, run, shaken, updated
 from strategies import change
 from torch import nn
 from torch.nn.functional import logsigmoid
@@ -161,7 +161,7 @@ def likelihoods(training, data, states, aim="improve"):
 
 # 300 decisions: missions end on the way and others begin. Methods that do not read the public table never notice.
 @pytest.mark.parametrize("decisions", [100, 300])
-@pytest.mark.parametrize("method", NAMES)
+@pytest.mark.parametrize("method", FAMILIES)
 def test_an_update_judges_as_the_rollout_did(tmp_path, method, decisions):
     """Same graphs, same masks, same tasks: else the first ratio is not 1."""
     training, data = collected(tmp_path, method, decisions)
@@ -172,7 +172,7 @@ def test_an_update_judges_as_the_rollout_did(tmp_path, method, decisions):
     assert all(old.std() > 0.01 for old in data.log_probs)
 
 
-@pytest.mark.parametrize("method", NAMES)
+@pytest.mark.parametrize("method", FAMILIES)
 def test_cloning_makes_greedys_choices_likelier(tmp_path, method):
     training, data = collected(tmp_path, method, 150, teacher=True, hyper=dataclasses.replace(QUICK, epochs=8))
     spoilt = data._replace(advantages=(-data.advantages[0] * 7, data.advantages[1] * 0 + 3))
@@ -203,13 +203,8 @@ def test_cloning_teaches_nobody_not_to_ask(tmp_path):
 RECURRENT = {name for name in NAMES if any(isinstance(part, nn.RNNBase) for part in METHODS[name]().modules())}
 
 
-# torch has fused kernels of its own for recurrent layers on devices; this one has none. Relatives of CommHG move as it does.
-RELATIVES = {name for name in NAMES if issubclass(METHODS[name], METHODS["commhg"])} - {"commhg"}
-
-
-@pytest.mark.parametrize(
-    "method", [pytest.param(name, marks=pytest.mark.slow if name in RELATIVES else ()) for name in sorted(set(NAMES) - RECURRENT)]
-)
+# torch has fused kernels of its own for recurrent layers on devices; this one has none.
+@pytest.mark.parametrize("method", [family for family in FAMILIES if family.values[0] not in RECURRENT])
 def test_another_device_learns_the_same(tmp_path, method, monkeypatch):
     """No tensor of the update stays behind on the CPU; what was learned comes back to where missions are flown."""
     monkeypatch.setattr(ppo, "check_device", lambda device: None)

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 import torch
 from flying import Wanderer, copied, differences, fingerprint, fly
-from learners import NAMES, QUICK, SHORT, run, same_bits, updated
+from learners import FAMILIES, QUICK, SHORT, run, same_bits, updated
 from safetensors import safe_open
 from safetensors.torch import load_file, save_file
 from strategies import change
@@ -171,7 +171,7 @@ def test_one_mission_alone_trains(tmp_path):
 
 
 @pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize("method", NAMES)
+@pytest.mark.parametrize("method", FAMILIES)
 def test_a_mission_without_operators_trains_in_silence(tmp_path, method):
     updated(run(tmp_path, method, change(SHORT, n_operators=0)), 2)
 
@@ -207,7 +207,7 @@ def test_a_batch_is_restored_after_the_end_of_some_missions():
     assert fingerprint(other.state) == fingerprint(batch.state)
 
 
-@pytest.mark.parametrize("method", NAMES)
+@pytest.mark.parametrize("method", FAMILIES)
 def test_a_run_that_is_thrown_away_goes_on_to_the_same_bits(tmp_path, method):
     few = dict(hyper=dataclasses.replace(QUICK, decisions=80), side_by_side=3)
     whole, first = (run(tmp_path / name, method, **few) for name in ("whole", "first"))
