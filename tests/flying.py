@@ -21,6 +21,7 @@ def plain(**fields):
         # What calibration may change, as the tests' figures want it:
         deadline=(90.0, 420.0), service_base=20.0, service_per_difficulty=70.0, success_autonomous=(0.95, 0.85),
         success_controlled=(0.97, 0.15, 0.20), handover=5.0, lease=15.0, renewal_period=10.0, bid_timeout=20.0,
+        refill=16.0,
     )  # fmt: skip
     return change(SCENARIOS["small"], **(calm | fields))
 

@@ -7,7 +7,7 @@ import tyro
 
 from ..base.processes import Terminated, interruptible
 from .console import LOG, say
-from .measures import Bench, Calibrate
+from .measures import Bench, Calibrate, Value
 from .missions import Render, Run
 from .radio_plans import Compare, Coverage, Fit, Links
 from .replays import Cases, Explain
@@ -16,7 +16,7 @@ from .worlds import Figure, Scenarios, World
 
 Command = (
     Run | Render | Explain | Cases | Methods | Train | Curves | Evaluate | Publish | Links | Coverage | Compare | Fit
-    | Scenarios | World | Figure | Bench | Calibrate
+    | Scenarios | World | Figure | Bench | Calibrate | Value
 )  # fmt: skip
 
 

@@ -1,13 +1,15 @@
 """Commands that measure this machine and the mission's defaults."""
 
 from dataclasses import dataclass
-from itertools import chain
+from itertools import chain, product
+from pathlib import Path
 from typing import Literal
 
 from rich.table import Table
 
-from ..scenarios import SCENARIOS
-from .console import LOG, OUT, at_least, progress, without_effect
+from ..radio import DEFAULT_LINKS, find_link_model
+from ..scenarios import SCENARIOS, load_scenario
+from .console import LOG, OUT, WIDE, at_least, check_file, progress, say, without_effect
 
 
 @dataclass(frozen=True)
@@ -50,12 +52,48 @@ class Calibrate:
     """processes"""
 
     def __call__(self):
-        from ..study.calibration import FLIGHTS, LINKS, calibrate
+        from ..study.calibration import LINKS, N_FLIGHTS, calibrate
         from .tables.calibrate import calibration_tables
 
         at_least("missions", self.missions, 2)
         at_least("workers", self.workers, 1)
-        with progress("flying", len(LINKS) * len(FLIGHTS) * self.missions * len(SCENARIOS)) as advance:
+        with progress("flying", len(LINKS) * N_FLIGHTS * self.missions * len(SCENARIOS)) as advance:
             results = [[calibrate(name, self.missions, self.workers, links, advance) for name in SCENARIOS] for links in LINKS]
         for under_one_model in results:
             OUT.print(*calibration_tables(under_one_model, self.missions))
+
+
+@dataclass(frozen=True)
+class Value:
+    """Print what information is worth to policies: the same held-out missions with less of it, with more, and with all."""
+
+    policy: tuple[str, ...] = ("greedy", "cbba", "planner")
+    """references, trained methods, or files of weights; none of them privileged"""
+    scenario: tuple[str, ...] = ("medium",)
+    """each small, medium, large, or a TOML file that overrides one of them"""
+    missions: int = 100
+    """how many, for every figure"""
+    links: str = DEFAULT_LINKS
+    """link model where a figure does not name one"""
+    workers: int = 2
+    """processes"""
+    out: Path | None = None
+    """FILE.png that gets TWCR against the share of the byte budget"""
+
+    def __call__(self):
+        from ..study.value import N_FLIGHTS, check_policies, draw_budgets, measure_value
+        from .tables.value import value_tables
+
+        check_file(self.out)
+        find_link_model(self.links)
+        at_least("missions", self.missions, 2)
+        at_least("workers", self.workers, 1)
+        if not self.scenario:
+            raise ValueError("--scenario: name at least one")
+        cases = list(product(map(load_scenario, self.scenario), check_policies(self.policy)))
+        with progress("flying", N_FLIGHTS * self.missions * len(cases)) as advance:
+            values = [measure_value(*case, self.missions, self.links, self.workers, advance) for case in cases]
+        WIDE.print(*value_tables(values, self.links, self.missions))
+        if self.out is not None:
+            draw_budgets(values, self.out)
+            say(f"wrote {self.out}", OUT)

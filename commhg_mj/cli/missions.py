@@ -30,7 +30,7 @@ class Run:
     limitation: Limitation = "nominal"
     """of communication"""
     links: str = DEFAULT_LINKS
-    """link model: raycast, abstract (the paper's, planar), abstract-fit, raycast-shuffled (a control), or perfect (idealised)"""
+    """raycast, abstract (the paper's, planar), abstract-fit, raycast-shuffled (a control), perfect, known or silent (bounds)"""
     radio_profile: Profile | None = None
     """calibration of the ray-cast model; by default the scenario's"""
     workers: int = 1

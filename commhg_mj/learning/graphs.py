@@ -22,7 +22,9 @@ TRAVELLING, SERVICING = int(Activity.TRAVELLING), int(Activity.SERVICING)
 HANDOVER, CONTROLLED = int(Mode.HANDOVER), int(Mode.CONTROLLED)
 BID, HELD = int(Session.BID), int(Session.HELD)
 
-SCALE = record(side="f8", limit="f8", value="f8", speed="f8", bucket="f8", lease="f8", handover="f8", decay="f8")
+SCALE = record(
+    side="f8", limit="f8", value="f8", speed="f8", bucket="f8", broadcast_bucket="f8", lease="f8", handover="f8", decay="f8"
+)
 MINUTE = 60.0  # s
 
 
@@ -88,7 +90,8 @@ class GraphBuilder:
         fastest = max(*rules.autonomous_speed, *rules.controlled_speed)
         self.scale[0] = (
             scenario.map_side, scenario.time_limit, max(scenario.tasks.values), fastest, scenario.communication.bucket,
-            scenario.operators.lease, max(1.0, scenario.operators.handover), scenario.tasks.decay[1],
+            scenario.communication.broadcast_bucket, scenario.operators.lease, max(1.0, scenario.operators.handover),
+            scenario.tasks.decay[1],
         )  # fmt: skip
 
     def public(self, tasks: np.ndarray) -> np.ndarray:
@@ -184,7 +187,8 @@ def write_robot(scale, robot, out):
     out.speed = robot.speed / scale.speed
     out.has_task, out.progress = robot.task != NOBODY, robot.progress
     out.lease_left, out.handover_left = robot.lease_left / scale.lease, robot.handover_left / scale.handover
-    out.tokens = robot.tokens / scale.bucket
+    out.stand_left = min(1.0, robot.stand_left / MINUTE)
+    out.tokens, out.broadcast_tokens = robot.tokens / scale.bucket, robot.broadcast_tokens / scale.broadcast_bucket
     out.since_broadcast = min(1.0, robot.since_broadcast / MINUTE)
     out.since_request_known, out.since_request_short, out.since_request_long = age_features(robot.since_request)
     out.query_waits, out.request_waits = robot.query_waits, robot.request_waits

@@ -69,7 +69,8 @@ def write_state_robot(m, r, scale, out):
     out.failed = robot.activity == FAILED
     out.travelling, out.servicing = robot.activity == TRAVELLING, robot.activity == SERVICING
     out.handover, out.controlled = robot.mode == HANDOVER, robot.mode == CONTROLLED
-    out.tokens = robot.tokens / scale.bucket
+    out.tokens, out.broadcast_tokens = robot.tokens / scale.bucket, robot.broadcast_tokens / scale.broadcast_bucket
+    out.stand_left = min(1.0, max(0.0, robot.stands_until - now) / MINUTE)
     out.since_broadcast = min(1.0, (now - robot.last_broadcast) / MINUTE)
     out.prescribed, out.due = robot.prescribed, robot.due
     if robot.controller != NOBODY:

@@ -27,7 +27,7 @@ from .run_log import Log
 from .validation import Validation
 from .weights import load_weights, save_weights
 
-FORMAT = "commhg_mj training 4"
+FORMAT = "commhg_mj training 5"
 STATE, WEIGHTS, CLONED = "state.pt", "weights.safetensors", "cloned.safetensors"
 TRAINING_SEEDS = 10**6  # missions of training seed s begin at (1 + s) times this; evaluation stays far below
 VALIDATE_EVERY = 20  # updates

@@ -11,7 +11,7 @@ from ..base.files import whole_file
 from .features import GROUPS
 from .registry import Method, find_method
 
-FORMAT = "commhg_mj weights 2"  # counts on with the rules that weights are trained under
+FORMAT = "commhg_mj weights 3"  # counts on with the rules that weights are trained under
 SCHEMA = json.dumps({group.title: group.names for group in GROUPS})  # what each column was
 
 

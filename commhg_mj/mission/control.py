@@ -63,6 +63,13 @@ def renew(m, h, now):
 
 
 @kernel
+def is_renewal_due(m, h, now):
+    """Whether this is the second from which on operator h may renew its lease: its next regular decision may be too late."""
+    operator, period = true_operator(m, h), m.rules.renewal_period
+    return operator.session == HELD and period <= now - operator.lease_sent < period + 1.0
+
+
+@kernel
 def leave(m, h, now):
     """Operator h lets go: a command that still waits is taken back, a lease that may be in force released."""
     operator, waiting = true_operator(m, h), downlink_of(m, h, 0)

@@ -149,7 +149,7 @@ def apply_decisions(missions, masks, decisions):
 
 @kernel
 def claim(m, r, choice):
-    """The resolver: take the chosen task unless somebody owns it; the later claim loses and decides again at once.
+    """The resolver: take the chosen task unless somebody owns it; the later claim loses, and stands until it knows.
 
     The one place where a decision meets a truth that nobody has delivered: who owns the task.
     """
@@ -165,9 +165,10 @@ def claim(m, r, choice):
         if m.rules.picks_first and m.now == 0:
             robot.prescribed = m.rules.initial_phase_end > 0
     else:
-        known_task(m, r, choice).refused_until = m.now + m.rules.refusal
         m.refusals += 1
-        true_robot(m, r).due = 1
+        robot.stands_until = m.now + m.rules.arbitration
+        known_task(m, r, choice).refused_until = robot.stands_until + m.rules.refusal
+        robot.due = m.rules.arbitration == 0.0
 
 
 @kernel

@@ -29,6 +29,7 @@ def draw_mission(state, e: int, world: World) -> None:
     robots["embodiment"] = [Embodiment.UAV] * scenario.n_uav + [Embodiment.UGV] * scenario.n_ugv
     robots["x"], robots["y"] = world.layout.starts.T
     robots["tokens"] = scenario.communication.bucket
+    robots["broadcast_tokens"] = scenario.communication.broadcast_bucket
     robots["due"] = 1
     # Telemetry and broadcasts of a team do not all fall due in the same second.
     robots["next_telemetry"] = 1 + np.arange(scenario.n_robots) % scenario.communication.telemetry_period
@@ -90,7 +91,7 @@ def open_missions(missions, rows, utilities):
         look_around(m, 0)
         for r in range(m.n_robots):
             robot = true_robot(m, r)
-            observe_tasks(m, r, False, rows)
+            observe_tasks(m, r, True, rows)
             for j in range(m.n_tasks):
                 row = rows[j]
                 utilities[e, r, j] = 0.0

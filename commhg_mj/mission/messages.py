@@ -8,6 +8,8 @@ from .records import DONE, OPEN
 from .state import NEVER
 
 SERVICING = int(Activity.SERVICING)
+FRESH = 60.0  # s: an older report does not say any more where its robot goes
+AGAIN = 20.0  # s: a claim that a robot has been told of is news again by so much newer a report
 # Fatigue is reported in three classes: fresh, tiring, tired.
 TIRING, TIRED = 0.3, 0.6
 
@@ -94,41 +96,81 @@ def count_waiting(m, h):
 
 
 @kernel
-def write_reply(m, message, h, tip, now):
-    """Operator h's resources, and the station's record of task `tip`, if any."""
-    operator, report = true_operator(m, h), message.resource
+def write_reply(m, message, h, r, tip, now):
+    """Operator h's resources, and for robot r the station's record of task `tip`, if any, with the claim on it."""
+    write_resource(m, message.resource, h, now)
+    if tip != NOBODY:
+        message.records = 1
+        message.task[0] = tip
+        message.belief[0] = known_task(m, m.n_robots, tip)
+        other = claimer(m, r, tip, now)
+        if other != NOBODY:
+            message.belief[0].claimed_by, message.belief[0].claim_time = other, known_robot(m, m.n_robots, other).time
+
+
+@kernel
+def write_resource(m, report, h, now):
+    """Fill in operator h's resource report."""
+    operator = true_operator(m, h)
     report.time = now
     report.tokens = operator.tokens
     report.robot = operator.robot
     report.session = operator.session
     report.fatigue_class = 0 if operator.fatigue < TIRING else (1 if operator.fatigue < TIRED else 2)
     report.queue = count_waiting(m, h)
-    if tip != NOBODY:
-        message.records = 1
-        message.task[0] = tip
-        message.belief[0] = known_task(m, m.n_robots, tip)
 
 
 @kernel
-def choose_tip(m, r):
-    """The most useful fresh record for robot r as far as the station knows, or NOBODY.
+def choose_tip(m, r, about, now):
+    """The task that a reply tells robot r of, or NOBODY: of those with news the one that its query named, else the nearest to it.
 
-    Its reported assignment first, if done or changed; then the nearest change that it has not been sent.
+    A query that named no task is answered with the news that is nearest to where the robot was.
     """
-    station = m.n_robots
-    report = known_robot(m, station, r)
+    report = known_robot(m, m.n_robots, r)
     x, y = m.station_x, m.station_y  # where all robots start
-    if report.time >= 0.0:
+    if about != NOBODY:
+        x, y = true_task(m, about).x, true_task(m, about).y
+    elif report.time >= 0.0:
         x, y = report.x, report.y
     tip, nearest = NOBODY, 1e300
     for j in range(m.n_tasks):
-        belief, task = known_task(m, station, j), true_task(m, j)
-        ends = belief.status == DONE or belief.type != task.announced
-        if not ends and (belief.status == OPEN or report.task == j):
-            continue
-        if belief.time < 0.0 or belief.time <= tip_of(m, r, j).time:
-            continue
-        way = -1.0 if report.task == j else distance(task.x - x, task.y - y)
-        if way < nearest:
-            tip, nearest = j, way
+        if is_news(m, r, j, now):
+            way = -1.0 if j == about else distance(true_task(m, j).x - x, true_task(m, j).y - y)
+            if way < nearest:
+                tip, nearest = j, way
     return tip
+
+
+@kernel
+def is_news(m, r, j, now):
+    """Whether the station knows of task j what robot r was not sent: it is done, of a changed type, serviced, or another's."""
+    station = m.n_robots
+    belief, told, report = known_task(m, station, j), tip_of(m, r, j), known_robot(m, station, r)
+    is_done = belief.status == DONE
+    is_elses = belief.status != OPEN and report.task != j
+    if belief.time > told.time and (is_done or belief.type != true_task(m, j).announced or is_elses):
+        return True
+    other = claimer(m, r, j, now)
+    if is_done or other == NOBODY:
+        return False
+    return told.claim_time < 0.0 or known_robot(m, station, other).time > told.claim_time + AGAIN
+
+
+@kernel
+def claimer(m, r, j, now):
+    """The robot other than r whose report, the freshest one, shows it on its way to task j or at work there; NOBODY: none."""
+    who, newest = NOBODY, now - FRESH
+    for k in range(m.n_robots):
+        report = known_robot(m, m.n_robots, k)
+        if k != r and report.task == j and report.time >= 0.0 and report.time > newest:
+            who, newest = k, report.time
+    return who
+
+
+@kernel
+def note_tip(m, r, j):
+    """Robot r counts as told of task j, even if the reply is lost."""
+    told, other = tip_of(m, r, j), claimer(m, r, j, m.now)
+    told.time = max(told.time, known_task(m, m.n_robots, j).time)
+    if other != NOBODY:
+        told.claim_time = known_robot(m, m.n_robots, other).time

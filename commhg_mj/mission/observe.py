@@ -30,12 +30,13 @@ from .state import record
 UNKNOWN = -1.0
 UGV, CONTROLLED = int(Embodiment.UGV), int(Mode.CONTROLLED)
 RESTING, HELD, FAILED = int(Session.REST), int(Session.HELD), int(Activity.FAILED)
-REQUEST = int(Kind.REQUEST)
+BROADCAST, REQUEST = int(Kind.BROADCAST), int(Kind.REQUEST)
 
 ROBOT_SEES = record(  # itself; times in s, bytes in B
     mission="i4", robot="i4", time="f4", embodiment="i1", activity="i1", mode="i1", controller="i1", x="f4", y="f4", speed="f4",
-    task="i4", progress="f4", lease_left="f4", handover_left="f4", tokens="f4", since_broadcast="f4", since_request="f4",
-    query_waits="i1", request_waits="i1", prescribed="i1", can_keep="i1", can_idle="i1", can_broadcast="i1", can_assist="i1",
+    task="i4", progress="f4", lease_left="f4", handover_left="f4", stand_left="f4", tokens="f4", broadcast_tokens="f4",
+    since_broadcast="f4", since_request="f4", query_waits="i1", request_waits="i1", prescribed="i1",
+    can_keep="i1", can_idle="i1", can_broadcast="i1", can_assist="i1",
 )  # fmt: skip
 TASK_SEEN = record(  # by a robot; distance in m (ground robots: route), claimed_by the peer reported on its way there
     legal="i1", released="i1", type="i1", status="i1", refused="i1", claimed_by="i2", x="f4", y="f4", distance="f4",
@@ -100,6 +101,8 @@ def observe_robot(m, r, seen, tasks, peers, operators):
     seen.progress = known_task(m, r, robot.task).progress if robot.task != NOBODY else 0.0
     seen.lease_left = robot.lease_until - now if robot.controller != NOBODY else 0.0
     seen.handover_left = max(0.0, robot.handover_until - now) if robot.controller != NOBODY else 0.0
+    seen.stand_left = max(0.0, robot.stands_until - now)
+    seen.broadcast_tokens = robot.broadcast_tokens
     seen.since_broadcast = now - robot.last_broadcast
     seen.since_request = age(now, robot.last_request)
     seen.query_waits = uplink_of(m, r, 0).since >= 0.0
@@ -107,7 +110,8 @@ def observe_robot(m, r, seen, tasks, peers, operators):
     seen.can_keep = robot.task != NOBODY and not is_ruled_out(m, r, robot.task)
     seen.prescribed = robot.prescribed and seen.can_keep
     seen.can_idle = not seen.prescribed
-    seen.can_broadcast = now > robot.last_broadcast and m.n_robots > 1
+    has_tokens = robot.broadcast_tokens >= m.rules.message_bytes[BROADCAST]
+    seen.can_broadcast = now > robot.last_broadcast and m.n_robots > 1 and has_tokens
     seen.can_assist = (
         robot.task != NOBODY
         and robot.controller == NOBODY
@@ -115,7 +119,7 @@ def observe_robot(m, r, seen, tasks, peers, operators):
         and m.n_operators > 0
         and robot.tokens >= m.rules.message_bytes[REQUEST]
     )
-    observe_tasks(m, r, not seen.can_idle, tasks)
+    observe_tasks(m, r, seen.can_idle and seen.stand_left == 0.0, tasks)
     observe_peers(m, r, tasks, peers)
     for h in range(m.n_operators):
         report, row = known_operator(m, r, h), operators[h]
@@ -126,14 +130,14 @@ def observe_robot(m, r, seen, tasks, peers, operators):
 
 
 @kernel
-def observe_tasks(m, r, is_prescribed, rows):
+def observe_tasks(m, r, is_free, rows):
     """Public attributes, robot r's belief, the way there and the mask, task by task."""
     robot, now, n_routes = true_robot(m, r), m.now, 0
     is_ground, place = robot.embodiment == UGV, robot.place
     wanted, between = scratch_of(m).found, routes_of(m).between
     for j in range(m.n_tasks):
         task, belief, row = true_task(m, j), known_task(m, r, j), rows[j]
-        row.claimed_by, row.claim_age = NOBODY, UNKNOWN
+        show_claim(m, r, j, row)
         row.released = task.released
         row.legal = 0
         row.age = age(now, belief.time)
@@ -149,7 +153,7 @@ def observe_tasks(m, r, is_prescribed, rows):
         row.distance = distance(task.x - robot.x, task.y - robot.y)
         if row.status == DONE or not is_compatible(robot.embodiment, row.type):
             continue
-        row.legal = j != robot.task and not row.refused and not is_prescribed
+        row.legal = j != robot.task and not row.refused and is_free
         if is_ground and place != NOBODY:
             row.distance = between[place, j]
         elif is_ground:
@@ -157,6 +161,15 @@ def observe_tasks(m, r, is_prescribed, rows):
             n_routes += 1
     if n_routes > 0:
         measure_routes(m, robot, n_routes, rows)
+
+
+@kernel
+def show_claim(m, r, j, row):
+    """The claim on task j that a reply told robot r of, if its claimer has not been heard of since."""
+    belief = known_task(m, r, j)
+    row.claimed_by, row.claim_age = NOBODY, UNKNOWN
+    if belief.claim_time >= 0.0 and known_robot(m, r, belief.claimed_by).time < belief.claim_time:
+        row.claimed_by, row.claim_age = belief.claimed_by, m.now - belief.claim_time
 
 
 @kernel

@@ -1,7 +1,7 @@
 """The links of one mission, asked when a message is sent."""
 
 from ..base.kernels import kernel
-from ..radio.links import is_in_range, is_spatial, mast_antenna, passing_share, robot_antenna
+from ..radio.links import SILENT, is_in_range, is_spatial, mast_antenna, passing_share, robot_antenna
 from .accessors import obstacles_of, true_robot
 
 
@@ -31,7 +31,7 @@ def link_to_station(m, r, kind):
     """
     radio = m.rules.radio
     if not is_spatial(radio):
-        return 1.0
+        return 0.0 if radio.link_model == SILENT else 1.0
     robot, obstacles = radio_of(m, r), obstacles_of(m)
     start = robot_antenna(radio, obstacles, robot.embodiment, robot.x, robot.y)
     mast = mast_antenna(radio, obstacles, m.station_x, m.station_y)

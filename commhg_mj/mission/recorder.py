@@ -93,7 +93,7 @@ def log_end(m, line, fate, now):
 
 @kernel
 def log_robot_decision(m, r, choice, broadcast, query, request):
-    """What robot r chose in this second; after a refused claim it decides twice."""
+    """What robot r chose in this second; where arbitration takes no time, a refused robot decides twice."""
     now = m.now
     if now < m.n_log_ticks:
         row = robot_row(m, now, r)
@@ -120,7 +120,8 @@ def log_tick(m):
         return
     for r in range(m.n_robots):
         robot, row = true_robot(m, r), robot_row(m, now, r)
-        row.x, row.y, row.tokens = robot.x, robot.y, robot.tokens
+        row.x, row.y, row.tokens, row.broadcast_tokens = robot.x, robot.y, robot.tokens, robot.broadcast_tokens
+        row.stand_left = max(0.0, robot.stands_until - now)
         row.task, row.activity, row.mode, row.controller = robot.task, robot.activity, robot.mode, robot.controller
         row.progress = true_task(m, robot.task).progress if robot.task != NOBODY else 0.0
         row.choice = NOT_DECIDED
@@ -166,6 +167,7 @@ def sample_records(m, k, now):
             row.time, row.type, row.status = belief.time, belief.type, belief.status
             row.progress = np.uint8(255.0 * belief.progress + 0.5)
             row.refused = belief.refused_until > now
+            row.claim_time, row.claimed_by = belief.claim_time, belief.claimed_by
         for r in range(n):
             peer, row = known_robot(m, receiver, r), peer_row(m, k * (n + 1) + receiver, r)
             row.time, row.task, row.x, row.y = peer.time, peer.task, peer.x, peer.y

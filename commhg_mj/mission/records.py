@@ -53,6 +53,14 @@ def learn_task(m, receiver, task, task_type, status, progress, time, sensed):
 
 
 @kernel
+def learn_claim(m, receiver, task, told):
+    """Merge the claim in a task record of the station: which robot had the task by its own report, and when."""
+    belief = known_task(m, receiver, task)
+    if told.claim_time > belief.claim_time:
+        belief.claim_time, belief.claimed_by = told.claim_time, told.claimed_by
+
+
+@kernel
 def learn_peer(m, receiver, r, record):
     """Merge a robot's report of itself; returns whether its task, activity or mode is news."""
     held = known_robot(m, receiver, r)

@@ -28,11 +28,12 @@ RULES = record(  # a scenario's numbers as the kernels read them
     radio=(RADIO,), robot_period="i8", operator_period="i8", out_degree="i8", delay="i8", late_low="i8", late_high="i8",
     time_limit="i8", initial_phase_end="i8", picks_first="i8", broadcast_records="i8", telemetry_records="i8",
     message_bytes=("i8", (len(Kind),)), speed=("f8", (2, 2)), hazard="f8", controlled_hazard="f8", sensing_radius="f8",
-    bucket="f8", refill="f8", time_to_live="f8",
+    bucket="f8", refill="f8", broadcast_bucket="f8", broadcast_refill="f8", time_to_live="f8",
     telemetry_period="f8", service_base="f8", service_per_difficulty="f8", success_autonomous=("f8", (2,)),
     success_controlled=("f8", (3,)), fatigue_rate="f8", recovery_rate="f8", travel_workload="f8",
     service_workload=("f8", (2,)), fatigue_slowdown="f8", handover="f8", lease="f8", renewal_period="f8", bid_timeout="f8",
-    refusal="f8", pending_cost="f8", switch_cost="f8", switch_window="f8", incompatible_cost="f8", conflict_cost="f8",
+    refusal="f8", arbitration="f8", pending_cost="f8", switch_cost="f8", switch_window="f8", incompatible_cost="f8",
+    conflict_cost="f8",
 )  # fmt: skip
 
 # Where the arrays of one mission lie (mission/accessors.py): its state, its world, scratch, its log.
@@ -60,7 +61,8 @@ MISSION = record(
 ROBOT = record(
     embodiment="i8", x="f8", y="f8", activity="i8", mode="i8", task="i8", controller="i8", waypoint_x="f8", waypoint_y="f8",
     hop="i8", place="i8", radio_of="i8",
-    handover_until="f8", lease_until="f8", tokens="f8", due="i8", prescribed="i8", next_decision="i8",
+    handover_until="f8", lease_until="f8", tokens="f8", broadcast_tokens="f8", due="i8", prescribed="i8", next_decision="i8",
+    stands_until="f8",
     next_telemetry="f8", last_broadcast="f8", last_request="f8", failed_at="f8",
 )  # fmt: skip
 
@@ -77,7 +79,7 @@ TASK = record(  # what observations read lies together, in one cache line
 )  # fmt: skip
 
 BELIEF = record(  # what a robot (or the station) holds of a task; `time` is when it was true at its origin
-    time="f4", progress="f4", refused_until="f4", type="i1", status="i1", sensed="i1",
+    time="f4", progress="f4", refused_until="f4", claim_time="f4", type="i1", status="i1", sensed="i1", claimed_by="i1",
 )  # fmt: skip
 
 PEER = record(  # what a robot (or the station) holds of a robot
@@ -95,12 +97,15 @@ INBOX = record(  # age of information: of robot records at one receiver, summed 
 
 COMMAND = record(sent="f4")  # when the newest command that a robot heard of an operator was sent
 
-TIP = record(time="f4")  # evidence time of the last tip on a task that the station sent to a robot
+TIP = record(time="f4", claim_time="f4")  # evidence times in the last tip on a task that the station sent to a robot
 
-WAITING = record(since="f8", target="i8", kind="i8", log="i8")  # a queued message; empty when since is NEVER
+WAITING = record(  # a queued message; empty when since is NEVER. `about`: the task that the query named which it answers
+    since="f8", target="i8", kind="i8", about="i8", log="i8",
+)
 
 MESSAGE = record(  # in the air
-    kind="i8", sender="i8", receiver="i8", due="i8", sent="i8", log="i8", records="i8", robot=(PEER,), resource=(RESOURCE,),
+    kind="i8", sender="i8", receiver="i8", due="i8", sent="i8", log="i8", about="i8", records="i8",
+    robot=(PEER,), resource=(RESOURCE,),
     task=("i8", (MAX_SHARED,)), belief=(BELIEF, (MAX_SHARED,)),
 )  # fmt: skip
 
@@ -112,14 +117,15 @@ COUNTERS = record(  # one a message kind
 
 # What a recorded mission writes down (mission/recorder.py).
 ROBOT_ROW = record(
-    x="f4", y="f4", progress="f4", tokens="f4", task="i2", choice="i2", activity="i1", mode="i1", controller="i1",
+    x="f4", y="f4", progress="f4", tokens="f4", broadcast_tokens="f4", stand_left="f4", task="i2", choice="i2",
+    activity="i1", mode="i1", controller="i1",
     broadcast="i1", query="i1", request="i1",
 )  # fmt: skip
 OPERATOR_ROW = record(fatigue="f4", tokens="f4", robot="i2", choice="i2", session="i1")
 MESSAGE_ROW = record(queued="i4", sent="i4", ended="i4", sender="i2", receiver="i2", kind="i1", fate="i1", late="i1")
 REWARD_ROW = record(mission="f8", coordination="f8")
 LINK_ROW = record(percent="u1")
-BELIEF_ROW = record(time="i4", progress="u1", type="i1", status="i1", refused="i1")
+BELIEF_ROW = record(time="i4", claim_time="i4", progress="u1", type="i1", status="i1", refused="i1", claimed_by="i1")
 PEER_ROW = record(time="i4", task="i2", x="f4", y="f4", activity="i1", mode="i1", controller="i1")
 RESOURCE_ROW = record(time="i4", tokens="f4", queue="i2", robot="i2", session="i1", fatigue_class="i1")
 
@@ -195,14 +201,14 @@ def new_state(n_missions: int, scenario: Scenario) -> State:
     )
     state.flying["slot"] = np.arange(slots)
     for records, fields in (
-        (state.robots, ("task", "place", "controller", "failed_at", "last_request")),
+        (state.robots, ("task", "place", "controller", "failed_at", "last_request", "stands_until")),
         (state.operators, ("robot", "queued_at", "leased", "left")),
         (state.tasks, ("owner", "done_at", "done_by", "changed_at", "change_at")),
-        (state.beliefs, ("time", "refused_until")),
+        (state.beliefs, ("time", "refused_until", "claim_time", "claimed_by")),
         (state.peers, ("time", "task", "controller", "request_time", "command_from", "command_sent")),
         (state.resources, ("time", "robot")),
         (state.commands, ("sent",)),
-        (state.tips, ("time",)),
+        (state.tips, ("time", "claim_time")),
         (state.uplinks, ("since",)),
         (state.downlinks, ("since",)),
     ):

@@ -1,8 +1,10 @@
 """The tick: one second of one mission, rule by rule."""
 
+import numpy as np
+
 from ..base.kernels import kernel
 from ..base.terms import Activity, Kind, Mode, Status
-from ..radio.links import PERFECT
+from ..radio.links import KNOWN, is_ideal
 from .accessors import (
     copy_record,
     downlink_of,
@@ -16,12 +18,13 @@ from .accessors import (
     true_robot,
     true_task,
 )
-from .control import advance_sessions, break_robot, learn_control, receive_command, tire
+from .control import advance_sessions, break_robot, is_renewal_due, learn_control, receive_command, tire
+from .messages import write_peer, write_resource
 from .randomness import Event, uniform
 from .recorder import log_tick
-from .records import age_records, is_compatible, learn_peer, learn_task, sense
+from .records import age_records, is_compatible, learn_claim, learn_peer, learn_task, sense
 from .service import drop_task, finish_task, serve, travel
-from .state import NEVER
+from .state import NEVER, PEER
 from .transport import close, enqueue, land, queue_telemetry, send_last_report, serve_downlink, serve_uplink
 
 FAILED, TRAVELLING, SERVICING = int(Activity.FAILED), int(Activity.TRAVELLING), int(Activity.SERVICING)
@@ -46,6 +49,8 @@ def tick(m):
     deliver(m, now)
     look_around(m, now)
     communicate(m, now)
+    if m.rules.radio.link_model == KNOWN:
+        reveal(m, now)
     age_records(m, now)
     mark_due(m, now)
     pay(m)
@@ -120,11 +125,7 @@ def receive(m, message, now):
         learn_peer(m, receiver, sender, message.robot)
         learn_records(m, receiver, message)
     elif kind == TELEMETRY:
-        learn_control(m, sender, message.robot)
-        if learn_peer(m, station, sender, message.robot):
-            for h in range(m.n_operators):
-                if true_operator(m, h).robot == sender:
-                    true_operator(m, h).due = 1
+        hear_report(m, sender, message.robot)
         learn_records(m, station, message)
         for k in range(message.records):  # no tip tells a robot its own news
             tip = tip_of(m, sender, message.task[k])
@@ -133,6 +134,7 @@ def receive(m, message, now):
         waiting = downlink_of(m, receiver - station, 1 + sender)
         if waiting.since < 0.0:
             enqueue(m, waiting, REPLY, receiver, sender, now)
+            waiting.about = message.about
     elif kind == REQUEST:
         report = known_robot(m, station, sender)
         report.request_time = max(report.request_time, message.robot.request_time)
@@ -141,9 +143,21 @@ def receive(m, message, now):
         if message.resource.time > held.time:
             copy_record(held, message.resource)
         learn_records(m, receiver, message)
+        if message.records > 0:
+            learn_claim(m, receiver, message.task[0], message.belief[0])
         true_robot(m, receiver).due = 1
     else:
         receive_command(m, sender - station, receiver, kind, message.sent, now)
+
+
+@kernel
+def hear_report(m, r, report):
+    """The station hears of robot r from itself; news makes its operator due."""
+    learn_control(m, r, report)
+    if learn_peer(m, m.n_robots, r, report):
+        for h in range(m.n_operators):
+            if true_operator(m, h).robot == r:
+                true_operator(m, h).due = 1
 
 
 @kernel
@@ -170,10 +184,11 @@ def look_around(m, now):
 @kernel
 def communicate(m, now):
     """Telemetry falls due, and queues send what their tokens permit."""
-    if m.rules.radio.link_model == PERFECT:
+    if is_ideal(m.rules.radio):
         for r in range(m.n_robots):
             if true_robot(m, r).activity != FAILED:
                 true_robot(m, r).tokens = m.rules.bucket
+                true_robot(m, r).broadcast_tokens = m.rules.broadcast_bucket
         for h in range(m.n_operators):
             true_operator(m, h).tokens = m.rules.bucket
     for r in range(m.n_robots):
@@ -188,6 +203,25 @@ def communicate(m, now):
 
 
 @kernel
+def reveal(m, now):
+    """Link model "known": all records become true."""
+    n_robots, report = m.n_robots, np.zeros(1, PEER)[0]
+    for r in range(n_robots):
+        write_peer(m, report, r, now)
+        hear_report(m, r, report)
+        for other in range(n_robots):
+            if other != r:
+                learn_peer(m, other, r, report)
+        for h in range(m.n_operators):
+            write_resource(m, known_operator(m, r, h), h, now)
+    for j in range(m.n_tasks):
+        task = true_task(m, j)
+        if task.released:
+            for receiver in range(n_robots + 1):
+                learn_task(m, receiver, j, task.type, task.status, task.progress, float(now), 0)
+
+
+@kernel
 def mark_due(m, now):
     """Everybody decides at least once a period; the prescribed first targets run out."""
     rules = m.rules
@@ -198,10 +232,11 @@ def mark_due(m, now):
         if robot.prescribed and now >= rules.initial_phase_end:
             robot.prescribed = 0
             robot.due = 1
-        if now >= robot.next_decision:
+        stands_no_more = robot.stands_until <= now < robot.stands_until + 1.0
+        if now >= robot.next_decision or stands_no_more:
             robot.due = 1
     for h in range(m.n_operators):
-        if now >= true_operator(m, h).next_decision:
+        if now >= true_operator(m, h).next_decision or is_renewal_due(m, h, now):
             true_operator(m, h).due = 1
 
 

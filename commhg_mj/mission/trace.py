@@ -20,7 +20,7 @@ from .batch import MissionBatch
 from .recorder import SAMPLE_PERIOD
 from .score import twcr
 
-FORMAT = 2
+FORMAT = 3
 MAGIC = "commhg_mj trace"
 HEAD = ("scenario", "seed", "policy", "links", "limitation")  # which mission it is
 TABLES = ("belief", "peer", "resource")  # records sampled every `link_period` s, columns as in mission/state.py
@@ -49,7 +49,9 @@ class Trace:
     robot_task: np.ndarray  # i2 [N + 1, R]
     robot_controller: np.ndarray  # i1 [N + 1, R]
     robot_progress: np.ndarray  # f4 [N + 1, R] of its own task
-    robot_tokens: np.ndarray  # f4 [N + 1, R] B
+    robot_tokens: np.ndarray  # f4 [N + 1, R] B of the uplink
+    robot_broadcast_tokens: np.ndarray  # f4 [N + 1, R] B
+    robot_stand_left: np.ndarray  # f4 [N + 1, R] s until a refused robot may choose again
     robot_choice: np.ndarray  # i2 [N + 1, R] task chosen in that second, KEEP, IDLE or NOT_DECIDED
     robot_broadcast: np.ndarray  # i1 [N + 1, R]
     robot_query: np.ndarray  # i1 [N + 1, R] operator asked

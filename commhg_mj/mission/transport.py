@@ -12,15 +12,13 @@ from .accessors import (
     counters_of,
     downlink_of,
     flying_of,
-    known_task,
     message_at,
     scratch_of,
-    tip_of,
     true_operator,
     true_robot,
     uplink_of,
 )
-from .messages import choose_tip, copy_payload, write_broadcast, write_reply, write_telemetry
+from .messages import choose_tip, copy_payload, note_tip, write_broadcast, write_reply, write_telemetry
 from .propagation import link_between, link_to_station
 from .randomness import Event, uniform
 from .recorder import log_end, log_message, log_sent
@@ -130,6 +128,7 @@ def broadcast(m, r, now):
     """Robot r tells its best neighbours in range its own state and its freshest task records."""
     robot, rules = true_robot(m, r), m.rules
     robot.last_broadcast = now
+    robot.broadcast_tokens -= rules.message_bytes[BROADCAST]
     degree = min(rules.out_degree, m.n_robots - 1)
     scratch, count = scratch_of(m), 0
     best, shares, ways = scratch.found, scratch.distance, scratch.dx
@@ -163,9 +162,10 @@ def broadcast(m, r, now):
 
 @kernel
 def serve_uplink(m, r, now):
-    """Robot r sends what its tokens permit: query, request, then telemetry."""
+    """Robot r's buckets are refilled; its uplink sends what the tokens permit: query, request, then telemetry."""
     robot, rules = true_robot(m, r), m.rules
     robot.tokens = min(rules.bucket, robot.tokens + rules.refill)
+    robot.broadcast_tokens = min(rules.broadcast_bucket, robot.broadcast_tokens + rules.broadcast_refill)
     for place in range(m.n_uplink_places):
         expire(m, uplink_of(m, r, place), now)
     for place in range(m.n_uplink_places):
@@ -185,6 +185,8 @@ def serve_uplink(m, r, now):
             write_telemetry(m, message, r, now)
         elif kind == REQUEST:
             message.robot.request_time = robot.last_request
+        else:
+            message.about = robot.task
 
 
 @kernel
@@ -251,11 +253,11 @@ def send_downlink(m, h, waiting, now):
     elif kind == RELEASE:
         operator.ordered_at = now
     elif kind == REPLY:
-        tip = choose_tip(m, r)
+        tip = choose_tip(m, r, waiting.about, now)
         if slot != NOBODY:
-            write_reply(m, message_at(m, slot), h, tip, now)
+            write_reply(m, message_at(m, slot), h, r, tip, now)
         if tip != NOBODY:
-            tip_of(m, r, tip).time = known_task(m, m.n_robots, tip).time
+            note_tip(m, r, tip)
 
 
 @kernel

@@ -23,6 +23,7 @@ from .greedy import Greedy
 from .omniscient import Omniscient, every_second
 from .planner import ABLATIONS, Planner
 from .random import Random
+from .talk import NUMBERED, TALKS, Talking, find_talk
 
 __all__ = ["POLICIES", "SOURCES", "PolicyInfo", "Source", "conditions_of", "find_policy", "label_of", "policy", "prepare"]
 
@@ -79,6 +80,27 @@ SOURCES = [  # and learning/pretrained.py's
 ]
 
 
+def find_talking(name: str) -> PolicyInfo | None:
+    """A policy of which a rule of `talk.py` replaces what it says or asks."""
+    base, _, ending = str(name).rpartition("+")
+    talk = find_talk(ending) if base else None
+    if talk is None:
+        return None
+    info = find_policy(base)
+    return info._replace(make=partial(Talking, make=info.make, talk=talk))
+
+
+def label_talking(name: str) -> str | None:
+    """The label of the policy, and the rule."""
+    base, _, ending = name.rpartition("+")
+    return f"{label_of(base)}+{ending}" if base and find_talk(ending) else None
+
+
+TALKING = Source(  # what is not a whole name elsewhere
+    find_talking, label_talking, f", any of them+ one of {', '.join([*TALKS, *NUMBERED])}"
+)
+
+
 def find_policy(name: str) -> PolicyInfo:
     """The policy of that name: a reference, a method whose weights come along, a path to weights, or one that was added.
 
@@ -89,11 +111,11 @@ def find_policy(name: str) -> PolicyInfo:
     """
     if isinstance(name, str) and name in POLICIES:
         return POLICIES[name]
-    for source in SOURCES:
+    for source in [*SOURCES, TALKING]:
         info = source.find(name)
         if info is not None:
             return info
-    return POLICIES.find(name, "".join(source.also for source in SOURCES))
+    return POLICIES.find(name, "".join(source.also for source in [*SOURCES, TALKING]))
 
 
 def label_of(name: str) -> str:
@@ -102,7 +124,7 @@ def label_of(name: str) -> str:
     Raises:
       ValueError: a file of weights cannot be read; the message names it.
     """
-    return next(filter(None, (source.label(name) for source in SOURCES)), name)
+    return next(filter(None, (source.label(name) for source in [*SOURCES, TALKING])), name)
 
 
 def prepare(

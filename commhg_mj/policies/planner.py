@@ -18,6 +18,7 @@ from ..mission.estimate import expected_seconds, expected_wait, regret
 from ..mission.observe import Observations
 from ..mission.records import is_compatible
 from ..mission.service import autonomous_seconds, autonomous_success, controlled_success
+from ..mission.state import NEVER
 from .assignment import Assignment, assign, new_assignment
 from .greedy import CLAIM_TRUST, choose_robots
 from .schedule import follow_schedule
@@ -32,7 +33,8 @@ CLAIM = 3.0  # a peer's reported task counts this many times for that peer
 DETOUR = 1.15  # ground robots drive so much farther than the straight way; a robot's own way is measured
 REPEATS = 1.3  # a service that a peer began is believed to last so many of its attempts
 AT_WORK = 1e3  # a service under way is finished
-PERIOD = 30.0  # s between broadcasts while the plan stays the same
+PERIOD = 60.0  # s between broadcasts while the plan stays the same
+TAKEN = 0.2  # worth of a task that another is known to have taken: by now it is at work there, or has done it
 UNTOLD = -9  # no plan has been told yet
 
 
@@ -42,20 +44,22 @@ class Plan(NamedTuple):
     assigns: bool = True  # the team to the tasks; else each robot takes its best task that nobody claims
     expects_control: bool = True  # in every service: hope sends robots to hard tasks, and then operators come
     heeds_claims: bool = True  # the task that a peer reported lately counts more for that peer
+    remembers: bool = True  # who has taken what, by claims, reports of service and refusals, until it is seen open
     reckons: bool = True  # peers on their way on from where they reported
     speaks_up: bool = True  # broadcasts a change of plan at once; else by the clock of the fixed schedule
     persists: bool = True  # operators keep a robot until its task is done; else Greedy's operators
-    asks: bool = False  # operators, by the fixed schedule's rule
+    asks: bool = True  # operators, by the fixed schedule's rule
 
 
 WHOLE = Plan()
 ABLATIONS = {
     "no-assignment": Plan(assigns=False),
+    "no-memory": Plan(remembers=False),
     "no-dead-reckoning": Plan(reckons=False),
     "no-control-expected": Plan(expects_control=False),
     "no-claims": Plan(heeds_claims=False),
     "clocked": Plan(speaks_up=False),
-    "asking": Plan(asks=True),
+    "no-query": Plan(asks=False),
     "greedy-operators": Plan(persists=False),
 }
 
@@ -72,38 +76,70 @@ def new_desk(scenario) -> Desk:
     return Desk(np.zeros(scenario.n_tasks, np.int64), new_assignment(scenario.n_robots, scenario.n_tasks))
 
 
+class Memory(NamedTuple):
+    """What robots keep in mind from one decision to the next."""
+
+    told: np.ndarray  # [E, R] the plan that each told last
+    taken: np.ndarray  # [E, R, T] s: when each knew another robot last to have a task, NEVER: not, or seen open since
+
+
+def new_memory(n_missions, scenario) -> Memory:
+    """Room for all robots of a batch; it is empty where a mission begins."""
+    n = scenario.n_robots
+    return Memory(np.full((n_missions, n), UNTOLD), np.full((n_missions, n, scenario.n_tasks), NEVER))
+
+
 class Planner:
-    """Callable policy; remembers what each robot told last."""
+    """Callable policy, with a memory."""
 
     def __init__(self, batch: MissionBatch, plan: Plan = WHOLE):
         instance("batch", batch, MissionBatch)
         self.rules, self.plan, self.desk = batch.rules, instance("plan", plan, Plan), new_desk(batch.scenario)
-        self.told = np.full((len(batch.seeds), batch.scenario.n_robots), UNTOLD)
+        self.memory = new_memory(len(batch.seeds), batch.scenario)
 
     def __call__(self, observations: Observations) -> Decisions:
         decisions = stay(observations)
-        decide(self.rules, self.plan, self.desk, self.told, observations, decisions)
+        decide(self.rules, self.plan, self.desk, self.memory, observations, decisions)
         return decisions
 
 
 @kernel
-def decide(rules, plan, desk, told, observations, decisions):
+def decide(rules, plan, desk, memory, observations, decisions):
     """Fill in the decisions of all who are due.
 
     Args:
       rules: [1] RULES.
-      told: [E, R] the plan that each robot told last; brought up to date.
+      memory: brought up to date.
     """
     for i in range(observations.robots.shape[0]):
         robot = observations.robots[i]
-        decisions.task[i] = KEEP if is_settled(robot) else choose_task(rules[0], plan, desk, observations, i)
+        taken = memory.taken[robot.mission, robot.robot]
+        remember(robot, observations.robot_tasks[i], taken)
+        decisions.task[i] = KEEP if is_settled(robot) else choose_task(rules[0], plan, desk, taken, observations, i)
     if plan.persists:
         persist(rules, observations, decisions)
     else:
         choose_robots(rules, observations, decisions)
     follow_schedule(observations, decisions, plan.asks)
     if plan.speaks_up:
-        tell_changes(told, observations, decisions)
+        tell_changes(memory.told, observations, decisions)
+
+
+@kernel
+def remember(robot, tasks, taken):
+    """Bring up to date when robot knew each task last to be another's: a claim, a service or a refusal says so."""
+    if robot.time == 0.0:
+        taken[:] = NEVER
+    for j in range(tasks.shape[0]):
+        task, evidence = tasks[j], robot.time - tasks[j].age
+        if j == robot.task or task.age >= 0.0 and task.status != SERVICED and evidence > taken[j]:
+            taken[j] = NEVER
+        elif task.age >= 0.0 and task.status == SERVICED:
+            taken[j] = max(taken[j], evidence)
+        if task.claimed_by != NOBODY:
+            taken[j] = max(taken[j], robot.time - task.claim_age)
+        if task.refused:
+            taken[j] = robot.time
 
 
 @kernel
@@ -126,13 +162,13 @@ def tell_changes(told, observations, decisions):
 
 
 @kernel
-def choose_task(rules, plan, desk, observations, i):
+def choose_task(rules, plan, desk, taken, observations, i):
     """KEEP, IDLE or the task that falls to robot row i."""
     robot, tasks, peers = observations.robots[i], observations.robot_tasks[i], observations.robot_peers[i]
     n_open = list_open(tasks, desk.tasks)
     backlog = expected_wait(rules, n_open, peers.shape[0])
     worth, rows = desk.assignment.worth, 1
-    rate_own(rules, plan, robot, tasks, desk.tasks[:n_open], backlog, worth[0])
+    rate_own(rules, plan, robot, tasks, taken, desk.tasks[:n_open], backlog, worth[0])
     best, choice = 0.0, IDLE
     if plan.assigns:
         for k in range(peers.shape[0]):
@@ -163,7 +199,7 @@ def list_open(tasks, found):
 
 
 @kernel
-def rate_own(rules, plan, robot, tasks, columns, backlog, worth):
+def rate_own(rules, plan, robot, tasks, taken, columns, backlog, worth):
     """Fill in the worths of open tasks to the robot itself, which knows its way and its masks."""
     for column in range(columns.shape[0]):
         j = columns[column]
@@ -174,6 +210,8 @@ def rate_own(rules, plan, robot, tasks, columns, backlog, worth):
             way = 0.0 if is_held and robot.activity == SERVICING else task.distance
             saved = regret(rules, task, task_seconds(rules, plan, task, way / robot.speed, robot.mode), robot.time, backlog)
             worth[column] = max(0.0, saved) * (LOYALTY if is_held else 1.0)
+            if plan.remembers and not is_held and taken[j] >= 0.0:
+                worth[column] *= TAKEN
 
 
 @kernel

@@ -1,7 +1,7 @@
 """The fixed communication schedule of every method that does not learn to communicate (docs/learning.md).
 
-Broadcast every ten seconds, telemetry as it falls due, a request for assistance when a robot works on a hard task, and a query
-at every decision outside service, to the operator that was not heard of for longest.
+Broadcast every twenty seconds, telemetry as it falls due, a request for assistance when a robot works on a hard task, and a query
+when a robot chooses a task that is far away, to the operator that was not heard of for longest.
 """
 
 import numpy as np
@@ -10,23 +10,30 @@ from ..base.kernels import kernel
 from ..base.terms import NOBODY, Activity
 
 SERVICING = int(Activity.SERVICING)
-BROADCAST_PERIOD = 10.0  # s
+BROADCAST_PERIOD = 20.0  # s
 HARD = 0.6  # difficulty above which assistance is requested
 REQUEST_PERIOD = 60.0  # s between requests for one task
+FAR = 25.0  # s of way to a task: on a shorter one a reply comes too late to turn for it
 
 
 @kernel
 def follow_schedule(observations, decisions, asks):
-    """Fill in the communication choices of all due robots, queries among them if it `asks`."""
+    """Fill in the communication choices of all due robots, whose tasks are chosen; queries among them if it `asks`."""
     for i in range(observations.robots.shape[0]):
         robot = observations.robots[i]
         decisions.broadcast[i] = robot.can_broadcast and robot.since_broadcast >= BROADCAST_PERIOD
+        is_asking = asks and goes_far(observations, decisions, i)
+        decisions.query[i] = longest_unheard(observations.robot_operators[i]) if is_asking else NOBODY
         is_hard = robot.activity == SERVICING and observations.robot_tasks[i, robot.task].difficulty > HARD
         is_new = robot.since_request < 0.0 or robot.since_request >= REQUEST_PERIOD
-        decisions.assist[i] = robot.can_assist and is_hard and is_new
-        # At work a robot asks for help, not for news: what it does next is not open.
-        is_asking = asks and robot.activity != SERVICING
-        decisions.query[i] = longest_unheard(observations.robot_operators[i]) if is_asking else NOBODY
+        decisions.assist[i] = robot.can_assist and is_hard and is_new and decisions.query[i] == NOBODY
+
+
+@kernel
+def goes_far(observations, decisions, i):
+    """Whether robot row i has just chosen another task, and one to which the way is long."""
+    task = decisions.task[i]
+    return task >= 0 and observations.robot_tasks[i, task].distance > FAR * observations.robots[i].speed
 
 
 @kernel

@@ -29,7 +29,7 @@ def best_robot(rules, operator, reports):
         held = reports[operator.robot]
         if held.activity != FAILED:
             # A robot without a task has just done one: its next report will name another.
-            best = np.inf if held.task == NOBODY else HOLD * gain(rules, operator, held)
+            best = np.inf if held.task == NOBODY else max(0.0, HOLD * gain(rules, operator, held))
             choice = KEEP if best > 0.0 else REST
     for r in range(reports.shape[0]):
         worth = promise(rules, operator, reports[r])

@@ -8,7 +8,7 @@ from ..base.terms import NOBODY
 from ..mission.batch import MissionBatch, advance_and_observe
 from ..mission.decide import Decisions, Masks, apply_decisions, new_masks
 from ..mission.observe import Observations, new_observations
-from .planner import UNTOLD, WHOLE, Plan, decide, new_desk
+from .planner import WHOLE, Plan, decide, new_desk, new_memory
 
 
 def fly_whole(batch: MissionBatch, plan: Plan = WHOLE) -> None:
@@ -21,15 +21,14 @@ def fly_whole(batch: MissionBatch, plan: Plan = WHOLE) -> None:
     decisions = Decisions(
         np.zeros(n, np.int32), np.zeros(n, bool), np.full(n, NOBODY, np.int32), np.zeros(n, bool), np.zeros(k, np.int32)
     )
-    told = np.full((1, n), UNTOLD)
     fly_missions(
-        batch.state.missions, batch.rules, plan, new_desk(scenario), told,
+        batch.state.missions, batch.rules, plan, new_desk(scenario), new_memory(1, scenario),
         new_observations(1, scenario), new_masks(1, scenario), decisions,
     )  # fmt: skip
 
 
 @kernel
-def fly_missions(missions, rules, plan, desk, told, seen, masks, decisions):
+def fly_missions(missions, rules, plan, desk, memory, seen, masks, decisions):
     """One mission after the other; `seen`, `masks` and `decisions` have room for everybody in one."""
     at_once, earned = np.zeros(1, np.int64), np.zeros((1, 2))
     for e in range(missions.shape[0]):
@@ -40,7 +39,7 @@ def fly_missions(missions, rules, plan, desk, told, seen, masks, decisions):
             chosen = Decisions(
                 decisions.task[:i], decisions.broadcast[:i], decisions.query[:i], decisions.assist[:i], decisions.operator[:k]
             )
-            decide(rules, plan, desk, told, due, chosen)
+            decide(rules, plan, desk, memory, due, chosen)
             apply_decisions(one, first_masks(masks, i, k), chosen)
 
 

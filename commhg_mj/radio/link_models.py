@@ -20,12 +20,15 @@ class LinkModel(IntEnum):
     RAYCAST_SHUFFLED = 3  # control: every robot has another robot's ray-cast links
     PERFECT = 4  # free communication, for the omniscient reference
     CUSTOM = 5  # a user's own function, under a name of its own
+    SILENT = 6  # no message is delivered: what a team does without any
+    KNOWN = 7  # as perfect, and everybody's records are true in every second: nobody needs to be told
 
 
 LINK_MODELS = {model.name.lower().replace("_", "-"): model for model in LinkModel if model != LinkModel.CUSTOM}  # built in
 # Addresses of functions in this process (radio/custom.py):
 OWN_MODELS = Registry("link model", "commhg_mj.link_models", beside=LINK_MODELS)
 DEFAULT_LINKS = "raycast"  # of every command, interface and training: geometry first
+IDEAL = (LinkModel.PERFECT, LinkModel.KNOWN)
 RAY_MODELS = (LinkModel.RAYCAST, LinkModel.RAYCAST_SHUFFLED)
 
 RADIO = record(
@@ -93,10 +96,10 @@ def radio_rules(scenario: Scenario, links: str, limitation: str) -> np.void:
     decays = radio.fitted_forest_decay, radio.fitted_mountain_decay
     if model != LinkModel.ABSTRACT_FIT:
         decays = transport.forest_decay, transport.mountain_decay
-    is_capped = radio.profile == "matched" if model in RAY_MODELS else model not in (LinkModel.PERFECT, LinkModel.CUSTOM)
+    is_capped = radio.profile == "matched" if model in RAY_MODELS else model not in (*IDEAL, LinkModel.CUSTOM)
     rules = np.zeros(1, RADIO)[0]
     rules["link_model"] = model
-    rules["on_time"] = 1.0 if model == LinkModel.PERFECT else 1.0 - transport.unavailable_or_delayed[level]
+    rules["on_time"] = 1.0 if model in IDEAL else 1.0 - transport.unavailable_or_delayed[level]
     rules["range"] = transport.range[level] * scenario.map_side if is_capped else np.inf
     rules["forest_decay"], rules["mountain_decay"] = decays
     rules["exact_when_clear"] = radio.profile == "matched"

@@ -14,15 +14,20 @@ from .link_models import LinkModel
 from .raycast import measure_rays
 
 UAV = int(Embodiment.UAV)
-PERFECT, RAYCAST, RAYCAST_SHUFFLED, CUSTOM = (
-    int(LinkModel.PERFECT), int(LinkModel.RAYCAST), int(LinkModel.RAYCAST_SHUFFLED), int(LinkModel.CUSTOM),
-)  # fmt: skip
+PERFECT, KNOWN, SILENT = int(LinkModel.PERFECT), int(LinkModel.KNOWN), int(LinkModel.SILENT)
+RAYCAST, RAYCAST_SHUFFLED, CUSTOM = int(LinkModel.RAYCAST), int(LinkModel.RAYCAST_SHUFFLED), int(LinkModel.CUSTOM)
 
 
 @kernel
 def is_spatial(radio):
     """Whether rays are cast through the 3D world, for links to the station, too."""
     return radio.link_model == RAYCAST or radio.link_model == RAYCAST_SHUFFLED or radio.link_model == CUSTOM
+
+
+@kernel
+def is_ideal(radio):
+    """Whether everything passes in time, and buckets are full in every second."""
+    return radio.link_model == PERFECT or radio.link_model == KNOWN
 
 
 @kernel
@@ -51,8 +56,8 @@ def measure(radio, obstacles, a, b, size, link):
         measure_rays(radio, obstacles, a, b, size, link)
         if radio.link_model == CUSTOM:
             ask(radio, obstacles, a, b, size, link)
-    elif radio.link_model == PERFECT:
-        link.passing = 1.0
+    elif is_ideal(radio) or radio.link_model == SILENT:
+        link.passing = 1.0 if is_ideal(radio) else 0.0
     else:
         measure_planar(radio, obstacles, a, b, link)
 

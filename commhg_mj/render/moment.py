@@ -37,6 +37,8 @@ class Moment:
     moving: np.ndarray  # [R] bool
     activity: np.ndarray  # [R] terms.Activity
     mode: np.ndarray  # [R] terms.Mode
+    standing: np.ndarray  # [R] bool: its claim was refused a moment ago
+    broadcast_tokens: np.ndarray  # [R] share of the bucket for broadcasts
     task: np.ndarray  # [R] assigned task, -1 none
     assigned_at: np.ndarray  # [R] tick at which the present assignment began
     controller: np.ndarray  # [R] operator, -1 none
@@ -88,6 +90,8 @@ class Timeline:
             moving=moving,
             activity=activity,
             mode=np.where(trace.robot_controller[tick] >= 0, trace.robot_mode[tick], Mode.AUTONOMOUS),
+            standing=trace.robot_stand_left[tick] > 0,
+            broadcast_tokens=trace.robot_broadcast_tokens[tick] / trace.scenario.communication.broadcast_bucket,
             task=task,
             assigned_at=self._assigned_at[tick],
             controller=trace.robot_controller[tick],

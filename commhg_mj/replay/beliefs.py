@@ -16,7 +16,9 @@ def headline(decision: Decision, names) -> str:
     own = decision.itself
     does = Activity(own["activity"]).name.lower() + (f", T{own['task']}" if own["task"] >= 0 else "")
     mode = Mode(own["mode"]).name.lower() + (f", operator{own['controller']}" if own["controller"] >= 0 else "")
-    return f"{names[decision.robot]} at {decision.time} s: {does}; {mode}; {own['tokens']:.0f} B of tokens"
+    stands = f", refused: stands for {own['stand_left']:.0f} s" if own["stand_left"] else ""
+    tokens = f"{own['tokens']:.0f} B of tokens, {own['broadcast_tokens']:.0f} B for broadcasts"
+    return f"{names[decision.robot]} at {decision.time} s: {does}{stands}; {mode}; {tokens}"
 
 
 def choice_words(decision: Decision) -> str:

@@ -107,7 +107,9 @@ class CommunicationRules:
     broadcast_records: int = _field(8, "count", "D", "freshest task records in a broadcast", 0, 8)
     telemetry_records: int = _field(4, "count", "D", "freshest sensed task records in telemetry", 0, 8)
     bucket: float = _field(192.0, "B", "P", "capacity of each uplink and downlink token bucket", 1, 1e9)
-    refill: float = _field(16.0, "B/s", "D", "of each bucket", 0, 1e9)
+    refill: float = _field(6.5, "B/s", "D", "of each of them", 0, 1e9)
+    broadcast_bucket: float = _field(640.0, "B", "D", "capacity of each robot's token bucket for broadcasts", 1, 1e9)
+    broadcast_refill: float = _field(4.0, "B/s", "D", "of each of them", 0, 1e9)
     time_to_live: float = _field(24.0, "s", "P", "of every queued message", 1, 1e6)
     broadcast_bytes: int = _field(160, "B", "D", "state, assignment and eight task records", 1, 65535)
     telemetry_bytes: int = _field(64, "B", "D", "own state, own task, freshest sensed records", 1, 65535)
@@ -161,7 +163,8 @@ class DecisionRules:
         choices=("initializer", "policy"),
     )  # fmt: skip
     initial_phase: float = _field(0.10, "of the limit", "D", "longest prescribed first target", 0, 1)
-    refusal: float = _field(20.0, "s", "D", "a task refused by the resolver is masked this long", 1, 3600)
+    refusal: float = _field(20.0, "s", "D", "after its stand a refused robot may not choose that task for so long", 0, 3600)
+    arbitration: float = _field(30.0, "s", "D", "a refused robot stands so long: claim and answer are on their way", 0, 3600)
 
 
 @dataclass(frozen=True)
@@ -207,10 +210,10 @@ class Scenario:
         if not math.isclose(sum(shares), 1.0, abs_tol=1e-6):
             raise ValueError(f"tasks.type_shares must sum to 1, sums to {sum(shares):g}")
         for field in dataclasses.fields(self.communication):
-            is_budgeted = field.name.endswith("_bytes") and field.name != "broadcast_bytes"
+            bucket = "broadcast_bucket" if field.name == "broadcast_bytes" else "bucket"
             value = getattr(self.communication, field.name)
-            if is_budgeted and value > self.communication.bucket:
-                raise ValueError(f"communication.{field.name} = {value} does not fit into communication.bucket")
+            if field.name.endswith("_bytes") and value > getattr(self.communication, bucket):
+                raise ValueError(f"communication.{field.name} = {value} does not fit into communication.{bucket}")
 
     @property
     def n_robots(self) -> int:

@@ -258,6 +258,16 @@ def test_leaving_a_robot_that_finished_its_task_is_no_switch():
     assert switches(pilot) == 0
 
 
+def test_a_lease_is_renewed_in_time_whenever_its_operator_decides():
+    """An operator is due in the second in which it may renew: by its period alone the next one may come too late."""
+    pilot = Pilot(plain(operator_period=7, robot_period=60, telemetry_period=30.0, lease=15.0, renewal_period=10.0))
+    pilot.heard().wait_until(lambda: bool(pilot.operators["due"][0])).step(operators={0: 0})
+    pilot.wait_until(lambda: held(pilot))
+    for _ in range(100):
+        pilot.step()
+        assert held(pilot) and pilot.now - pilot.operators["lease_sent"][0] <= 11
+
+
 def test_the_exemption_is_gone_once_the_operator_keeps_on():
     pilot = Pilot(
         plain(switch_cost=0.5, service_base=1.0, service_per_difficulty=0.0, success_controlled=(1.0, 0.0, 0.0))

@@ -62,7 +62,7 @@ def test_idle_is_refused_while_the_first_target_is_prescribed():
 
 
 def test_keep_without_a_task_and_a_second_broadcast_in_one_second_are_refused():
-    pilot = Pilot(plain(n_operators=0))
+    pilot = Pilot(plain(n_operators=0, arbitration=0.0))
     pilot.step(robots={0: dict(task=IDLE), 1: dict(task=IDLE)})
     refuse(pilot.batch, at(pilot.batch, "task", 0, KEEP), "there is no task to KEEP")
     pilot.step(robots={0: dict(task=2), 1: dict(task=2, broadcast=True)})

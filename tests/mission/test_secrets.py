@@ -230,7 +230,7 @@ def test_masks_follow_knowledge(scenario, seed, limitation):
             compatible = tasks["type"] != 1 - robot["embodiment"]
             is_open = (tasks["released"] == 1) & (tasks["status"] != 2) & compatible & (tasks["refused"] == 0)
             is_open &= np.arange(len(tasks)) != robot["task"]
-            assert np.array_equal(tasks["legal"] == 1, is_open & (robot["can_idle"] == 1))
+            assert np.array_equal(tasks["legal"] == 1, is_open & (robot["can_idle"] == 1) & (robot["stand_left"] == 0))
             assert not robot["can_assist"] or (robot["task"] != NOBODY and robot["controller"] == NOBODY)
         batch.step(wanderer(seen))
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from flying import Pilot, Wanderer, fly, plain
 
-from commhg_mj.base.terms import IDLE, KEEP, NOBODY, Activity, Mode, Status, TaskType
+from commhg_mj.base.terms import IDLE, KEEP, NOBODY, Activity, Kind, Mode, Status, TaskType
 from commhg_mj.mission.batch import MissionBatch, stay
 from commhg_mj.mission.score import twcr
 from commhg_mj.policies import prepare
@@ -187,8 +187,35 @@ def test_robots_sense_within_their_radius_and_where_they_stand():
     assert pilot.beliefs["time"][0, 0] == pilot.now
 
 
-def test_the_first_claim_wins_and_the_later_one_decides_again_at_once():
-    pilot = Pilot(plain(n_uav=3, n_operators=0, refusal=7.0))
+def test_the_first_claim_wins_and_the_later_robot_stands_until_it_knows():
+    """Idle, with every task masked, free to speak and to ask; then due, with that task masked for a while longer."""
+    pilot = Pilot(plain(n_uav=2, arbitration=6.0, refusal=7.0))
+    pilot.step(robots={r: dict(task=IDLE) for r in range(2)})
+    start = pilot.now
+    pilot.step(robots={0: dict(task=2), 1: dict(task=2)})
+    assert pilot.now == start + 1 and pilot.batch.scores()[0].refusals == 1
+    for second in range(1, 6):
+        robot, tasks = pilot.batch.observations.robots[1], pilot.batch.observations.robot_tasks[1]
+        assert robot["stand_left"] == 6 - second and not tasks["legal"].any()
+        assert pilot.robots["task"][1] == NOBODY and pilot.robots["activity"][1] == Activity.IDLE
+        asks = {1: dict(query=0)} if second == 1 else {}
+        pilot.step(robots=asks)
+    assert pilot.counters[Kind.QUERY]["sent"] == 1
+    robot, tasks = pilot.batch.observations.robots[1], pilot.batch.observations.robot_tasks[1]
+    assert robot["stand_left"] == 0 and tasks["legal"].tolist() == [1, 1, 0, 1], "the refused one is masked for longer"
+    pilot.wait(7)
+    assert pilot.batch.observations.robot_tasks["legal"][1, 2] == 1
+
+
+def test_a_robot_that_stood_is_due():
+    pilot = Pilot(plain(n_operators=0, arbitration=6.0, robot_period=3600, service_base=3000.0))
+    one, other = pilot.robots["task"].tolist()
+    pilot.step(robots={0: dict(task=other)})
+    assert pilot.now == 6 and pilot.batch.observations.robots[["robot", "stand_left"]].tolist() == [(0, 0)]
+
+
+def test_where_arbitration_takes_no_time_the_later_robot_decides_again_at_once():
+    pilot = Pilot(plain(n_uav=3, n_operators=0, refusal=7.0, arbitration=0.0))
     pilot.step(robots={r: dict(task=IDLE) for r in range(3)})
     now = pilot.now
     pilot.step(robots={0: dict(task=2), 1: dict(task=2), 2: dict(task=1)})

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from flying import Pilot, Wanderer, flown, plain
+from flying import Pilot, Wanderer, flown, fly, plain
 from strategies import change
 
-from commhg_mj.base.terms import IDLE, NOBODY, REST, Fate, Kind, Status, TaskType
+from commhg_mj.base.terms import IDLE, KEEP, NOBODY, REST, Activity, Fate, Kind, Status, TaskType
 from commhg_mj.mission.batch import MissionBatch, stay
 from commhg_mj.models.layout import inside_any, unit_frame
 from commhg_mj.scenarios import LIMITATIONS, SCENARIOS
@@ -244,23 +244,111 @@ def test_a_reply_may_be_empty():
     assert np.all(pilot.beliefs["time"][0] < 0)
 
 
-def test_a_tip_is_the_askers_reported_assignment_first_then_the_nearest_unsent_change():
+def tips_of(pilot, *choices):
+    """The tasks that robot 0 hears of by its queries, one with each of these choices of a task."""
+    tips = []
+    for choice in choices:
+        known = set(np.flatnonzero(pilot.beliefs["time"][0] >= 0))
+        pilot.step(robots={0: dict(query=0, task=choice)}).wait(4)
+        tips.append(sorted(set(np.flatnonzero(pilot.beliefs["time"][0] >= 0)) - known))
+    return tips
+
+
+def test_a_tip_is_the_task_that_the_query_named_first_then_the_nearest_news_to_it():
+    """The named task is the one that is held when the query leaves, chosen in the same decision or before."""
+    pilot = asker(broadcast_records=0)
+    pilot.step(robots={0: dict(task=IDLE), 1: dict(task=IDLE)}).wait(1)
+    station_learns(pilot, 0, Status.DONE, time=1)
+    station_learns(pilot, 1, Status.DONE, time=1)
+    station_learns(pilot, 3, task_type=TaskType.UAV_ONLY, time=1)
+    assert tips_of(pilot, 3, KEEP, KEEP, KEEP) == [[3], [1], [0], []]
+    assert np.all(pilot.beliefs["time"][0][[0, 1, 3]] == 1), "relaying does not refresh the evidence"
+
+
+def test_a_query_that_names_no_task_is_answered_with_the_nearest_news_to_where_the_robot_was():
     pilot = asker(broadcast_records=0)
     pilot.step(robots={0: dict(task=IDLE), 1: dict(task=IDLE)})
     report = pilot.peers[-1, 0:1]
-    report["time"], report["x"], report["y"], report["task"] = 1, 90, 400, 3
+    report["time"], report["x"], report["y"] = 1, 290, 400
     pilot.wait(1)
-    for task in (1, 2, 3):
+    for task in (0, 1, 3):
         station_learns(pilot, task, Status.DONE, time=1)
-    tips = []
-    for _ in range(4):
-        known = set(np.flatnonzero(pilot.beliefs["time"][0] >= 0))
-        pilot.step(robots={0: dict(query=0, task=IDLE)}).wait(4)
-        tips.append(sorted(set(np.flatnonzero(pilot.beliefs["time"][0] >= 0)) - known))
-    assert tips == [[3], [1], [2], []]
-    assert np.all(pilot.beliefs["time"][0][1:] == 1), "relaying does not refresh the evidence"
+    assert tips_of(pilot, IDLE, IDLE, IDLE, IDLE) == [[1], [3], [0], []]
 
 
+def claims(pilot, robot, task):
+    """(claimer, age of the claim) as a robot sees it."""
+    seen = pilot.batch.observe_everyone().robot_tasks[robot, task]
+    return int(seen["claimed_by"]), float(seen["claim_age"])
+
+
+def test_a_reply_tells_of_anothers_claim_by_whom_and_when():
+    pilot = asker(broadcast_records=0, n_tasks=4)
+    pilot.step(robots={0: dict(task=IDLE), 1: dict(task=2)}).wait(1)
+    report = pilot.peers[-1, 1:2]
+    report["time"], report["task"], report["activity"] = 2, 2, Activity.TRAVELLING
+    assert claims(pilot, 0, 2) == (NOBODY, -1.0)
+    pilot.step(robots={0: dict(query=0)}).wait(4)
+    assert claims(pilot, 0, 2) == (1, pilot.now - 2) and pilot.beliefs["time"][0, 2] < 0, "of the task itself nothing is known"
+    assert pilot.peers["time"][0, 1] < 0, "no record of the robot travels along"
+    report["time"] = 5  # the same claim, hardly newer
+    pilot.step(robots={0: dict(query=0)}).wait(4)
+    assert claims(pilot, 0, 2) == (1, pilot.now - 2), "is no news"
+    report["time"] = 23
+    pilot.wait(15).step(robots={0: dict(query=0)}).wait(4)
+    assert claims(pilot, 0, 2) == (1, pilot.now - 23), "much newer, it is"
+    pilot.step(robots={1: dict(task=IDLE, broadcast=True)}).wait(1)
+    assert claims(pilot, 0, 2) == (NOBODY, -1.0), "the claimer itself says otherwise since"
+
+
+def test_a_claim_that_nobody_confirmed_for_a_minute_is_no_news():
+    pilot = asker(broadcast_records=0)
+    pilot.step(robots={0: dict(task=IDLE), 1: dict(task=2)}).wait(70)
+    report = pilot.peers[-1, 1:2]
+    report["time"], report["task"], report["activity"] = 2, 2, Activity.TRAVELLING
+    pilot.step(robots={0: dict(query=0)}).wait(4)
+    assert claims(pilot, 0, 2) == (NOBODY, -1.0)
+
+
+def test_broadcasts_are_paid_out_of_a_bucket_of_their_own():
+    pilot = Pilot(plain(broadcast_bytes=160, broadcast_bucket=400.0, broadcast_refill=16.0))
+    robots = lambda: pilot.batch.observations.robots
+    assert robots()["broadcast_tokens"].tolist() == [400, 400], "full at first"
+    pilot.robots["next_telemetry"], uplink = 3600, pilot.robots["tokens"].copy()
+    pilot.step(robots={0: dict(broadcast=True)})
+    assert robots()["broadcast_tokens"].tolist() == [400 - 160 + 16, 400] and np.array_equal(pilot.robots["tokens"], uplink)
+    pilot.step(robots={0: dict(broadcast=True)})
+    assert robots()["can_broadcast"].tolist() == [0, 1], "112 B are too few"
+    pilot.wait(3)
+    assert robots()["can_broadcast"].tolist() == [1, 1] and pilot.robots["broadcast_tokens"][0] == 160
+    pilot.wait(30)
+    assert robots()["broadcast_tokens"].tolist() == [400, 400], "and no fuller"
+
+
+def test_ideal_links_fill_every_bucket_in_every_second():
+    for links in ("perfect", "known"):
+        pilot = Pilot(plain(broadcast_refill=0.0, refill=0.0), links=links)
+        pilot.step(robots={0: dict(broadcast=True, query=0)})
+        assert pilot.robots["broadcast_tokens"][0] == pilot.batch.scenario.communication.broadcast_bucket
+        assert pilot.robots["tokens"][0] == 192 - 32, "what was queued has left"
+
+
+def test_silent_links_deliver_nothing_and_known_ones_make_all_records_true():
+    scenario = change(SCENARIOS["small"], time_limit=200)
+    batch = flown(scenario, range(3), links="silent")
+    assert batch.state.counters["sent"].sum() > 0 and batch.state.counters["fate"][..., Fate.DELIVERED].sum() == 0
+    assert np.all(batch.state.peers["time"] < 0) and np.all(batch.state.resources["time"] < 0)
+    batch = MissionBatch(scenario, range(3), links="known")
+    fly(batch, Wanderer(1), seconds=100)
+    seen, state = batch.observe_everyone(), batch.state
+    e, r = seen.robots["mission"], seen.robots["robot"]
+    others = np.arange(scenario.n_robots) != r[:, None]
+    assert np.all(seen.robot_peers["age"][others] == 0)
+    assert np.array_equal(seen.robot_peers["task"][others], np.broadcast_to(state.robots["task"][e], others.shape)[others])
+    released = state.tasks["released"][e] == 1
+    for column in ("type", "status"):
+        assert np.array_equal(seen.robot_tasks[column][released], state.tasks[column][e][released])
+    assert np.all(seen.robot_operators["age"] == 0)
 def test_no_tip_tells_a_robot_its_own_news():
     pilot = asker()
     pilot.step(robots={r: dict(task=IDLE) for r in range(2)}).wait(2)
@@ -338,6 +426,7 @@ def test_losses_and_delays_come_in_equal_shares_of_the_limitation_level():
     for limitation, share in (("nominal", 0.1), ("low", 0.2), ("high", 0.3)):
         scenario = plain(
             n_uav=8,
+            broadcast_refill=160.0,
             unavailable_or_delayed=(0.1, 0.2, 0.3),
             robot_period=1,
             time_limit=250,
@@ -359,7 +448,7 @@ def test_terrain_loses_the_share_that_the_metres_say():
     """Two robots on both sides of a forest: the share of packets that pass is exp(-metres / l)."""
     scenario = change(
         SCENARIOS["small"], n_uav=2, n_ugv=0, n_operators=0, malfunction=0.0, robot_period=1, initial_phase=0.0,
-        range=(2.0,) * 3, time_limit=500, mountain_share=0.0, forest_share=0.2, n_forests=3,
+        range=(2.0,) * 3, time_limit=500, mountain_share=0.0, forest_share=0.2, n_forests=3, broadcast_refill=160.0,
     )  # fmt: skip
     batch = MissionBatch(scenario, range(12), links="abstract")
     metres = []

@@ -7,7 +7,7 @@ from flying import Pilot, copied, plain
 from commhg_mj.base.terms import IDLE, KEEP, NOBODY, Activity, Status
 from commhg_mj.mission.batch import MissionBatch
 from commhg_mj.policies.greedy import CLAIM_TRUST, TIRED, Greedy
-from commhg_mj.policies.schedule import BROADCAST_PERIOD, HARD, REQUEST_PERIOD
+from commhg_mj.policies.schedule import BROADCAST_PERIOD, FAR, HARD, REQUEST_PERIOD
 from commhg_mj.scenarios import SCENARIOS
 
 
@@ -126,10 +126,10 @@ def test_the_schedule_broadcasts_every_period_and_requests_help_on_hard_tasks():
     assert len(spoke) == 2 and asked
 
 
-def test_the_schedule_asks_outside_service_whoever_was_not_heard_of_for_longest():
+def test_the_schedule_asks_whoever_was_not_heard_of_for_longest_once_a_far_task_is_chosen():
     batch = MissionBatch("medium", [1, 2])
     asking, silent, asked = Greedy(batch), Greedy(batch, asks=False), 0
-    while batch.time.max() < 300:
+    while batch.time.max() < 600:
         seen = batch.observations
         decisions, quiet = asking(seen), silent(seen)
         assert np.all(quiet.query == NOBODY)
@@ -137,13 +137,15 @@ def test_the_schedule_asks_outside_service_whoever_was_not_heard_of_for_longest(
         for i, robot in enumerate(seen.robots):
             rows = seen.robot_operators[i]
             unheard = np.where(rows["age"] < 0, np.inf, rows["age"])
-            if robot["activity"] == Activity.SERVICING or not rows["legal"].any():
+            task = decisions.task[i]
+            is_far = task >= 0 and seen.robot_tasks[i, task]["distance"] > FAR * robot["speed"]
+            if not is_far or not rows["legal"].any():
                 assert decisions.query[i] == NOBODY
             else:
                 assert unheard[decisions.query[i]] == unheard.max()
                 asked += 1
         batch.step(decisions)
-    assert asked > 50
+    assert asked > 30
     with pytest.raises(ValueError, match="asks"):
         Greedy(batch, asks="no")
 

@@ -9,13 +9,18 @@ from commhg_mj.cli.tables.calibrate import calibration_tables
 from commhg_mj.flights.held_out import CALIBRATION
 from commhg_mj.scenarios import SCENARIOS, from_dict
 from commhg_mj.study import calibration
-from commhg_mj.study.calibration import FLIGHTS, calibrate
+from commhg_mj.study.calibration import N_FLIGHTS, calibrate
 
 GOOD = {
     "random": 0.2, "greedy+no-query": 0.6, "greedy+no-query high": 0.5, "greedy+no-query low": 0.55,
     "greedy+no-query alone": 0.5, "greedy": 0.61, "greedy high": 0.52, "cbba": 0.65, "planner": 0.7, "planner high": 0.66,
-    "omniscient": 0.8, "omniscient alone": 0.7,
-}  # fmt: skip
+    "omniscient": 0.8, "omniscient alone": 0.7, "planner perfect": 0.75, "planner+no-broadcast": 0.6, "planner+no-query": 0.695,
+    "planner+no-query high": 0.64, "planner+always-asks": 0.66,
+    "planner+broadcasts-every-30.0": 0.5, "planner+broadcasts-every-15.0": 0.68,  # half the bytes: half the period
+    "planner+asks-at-random-0.1 high": 0.5, "planner+asks-at-random-0.200 high": 0.645,  # likewise
+}
+QUERIES = {"planner": 20, "planner+asks-at-random-0.1": 10}
+BYTES = {"planner": 2000, "planner+broadcasts-every-30.0": 1000}
 
 
 @pytest.fixture
@@ -25,9 +30,11 @@ def flown(monkeypatch):
 
     def fly(scenario, policy, seeds, links="abstract", limitation="nominal", out=None, workers=1, advance=None):
         suffix = " alone" if scenario.n_operators == 0 else f" {limitation}" if limitation != "nominal" else ""
+        suffix += " perfect" if links == "perfect" else ""
         calls.append((scenario, policy, tuple(seeds), limitation))
         advance(len(seeds))
-        return [SimpleNamespace(twcr=levels[policy + suffix] + 0.01 * (-1) ** seed) for seed in seeds]
+        messages = {"query": {"attempted": QUERIES.get(policy, 0)}, "broadcast": {"bytes": BYTES.get(policy, 0)}}
+        return [SimpleNamespace(twcr=levels[policy + suffix] + 0.01 * (-1) ** seed, messages=messages) for seed in seeds]
 
     monkeypatch.setattr(calibration, "fly", fly)
     return SimpleNamespace(calls=calls, levels=levels)
@@ -36,7 +43,7 @@ def flown(monkeypatch):
 def test_all_references_fly_the_same_missions(flown):
     ended = []
     result = calibrate("small", 4, advance=ended.append)
-    assert len(flown.calls) == len(FLIGHTS) == len(result.twcr) and sum(ended) == 4 * len(FLIGHTS)
+    assert len(flown.calls) == N_FLIGHTS == len(result.twcr) + 2 and sum(ended) == 4 * N_FLIGHTS
     assert {seeds for *_, seeds, _ in flown.calls} == {tuple(range(CALIBRATION, CALIBRATION + 4))}
     assert sum(scenario.n_operators == 0 for scenario, *_ in flown.calls) == 2
     assert {scenario.name for scenario, *_ in flown.calls} == {SCENARIOS["small"].name}
@@ -56,6 +63,13 @@ def test_all_references_fly_the_same_missions(flown):
         ({"omniscient alone": 0.76}, [2]),
         ({"greedy+no-query high": 0.58}, [3]),
         ({"greedy": 0.9, "greedy high": 0.9}, []),
+        ({"planner+no-broadcast": 0.63}, [4]),
+        ({"planner perfect": 0.71}, [5]),
+        ({"planner+broadcasts-every-15.0": 0.695, "planner+broadcasts-every-30.0": 0.0}, [6]),
+        ({"planner+always-asks": 0.7}, [7]),
+        ({"planner+no-query high": 0.655}, [8]),
+        ({"planner+no-query high": 0.66}, [8, 9]),
+        ({"planner+asks-at-random-0.200 high": 0.655}, [10]),
     ],
 )
 def test_the_rules(flown, changes, broken):
@@ -78,7 +92,7 @@ def test_tables_hold_every_flight_and_verdict(flown):
     assert list(figures.columns[0].cells) == list(results[0].twcr)
     for result, column in zip(results, rules.columns[1:]):
         verdicts = list(column.cells)
-        assert [cell.split(":")[0] for cell in verdicts] == ["holds", "holds", "holds", "BROKEN"]
+        assert [cell.split(":")[0] for cell in verdicts] == ["holds", "holds", "holds", "BROKEN", *["holds"] * 7]
         assert all(str(rule.measured) in cell for rule, cell in zip(result.rules, verdicts))
 
 
