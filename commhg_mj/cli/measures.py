@@ -81,7 +81,7 @@ class Value:
     """FILE.png that gets TWCR against the share of the byte budget"""
 
     def __call__(self):
-        from ..study.value import N_FLIGHTS, check_policies, draw_budgets, measure_value
+        from ..study.information_value import N_FLIGHTS, check_policies, draw_budgets, measure_value
         from .tables.value import value_tables
 
         check_file(self.out)

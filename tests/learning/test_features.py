@@ -102,7 +102,7 @@ def test_ages_and_knownness_are_found_by_their_kinds():
 
 
 def test_columns_by_name():
-    assert features.ROBOT.index("time") == 24 and features.ROBOT.columns("time", "x", "mask", "time") == [24, 2, 20, 21, 22, 23]
+    assert features.ROBOT.index("time") == 26 and features.ROBOT.columns("time", "x", "mask", "time") == [26, 2, 22, 23, 24, 25]
     assert features.PEER.columns("dx", "dy", "known", "age") == [2, 3, 13, 14, 15], "docs/features.md shows it"
     with pytest.raises(ValueError, match="features of peer to robot: there is no 'tokens'"):
         features.PEER.columns("dx", "tokens")

@@ -140,7 +140,8 @@ def test_who_follows_the_schedule_follows_it_exactly(name):
     for _ in range(25):
         if batch.over.all():
             break
-        decisions, wanted = policy(batch.observations), stay(batch.observations)
+        decisions = policy(batch.observations)
+        wanted = stay(batch.observations)._replace(task=decisions.task)
         follow_schedule(batch.observations, wanted, True)
         mine, schedule = arrays_of(decisions)[1:4], arrays_of(wanted)[1:4]
         if not method.communicates:
@@ -153,7 +154,7 @@ def test_who_follows_the_schedule_follows_it_exactly(name):
 
 @every_method
 def test_greedy_play_takes_the_best_and_draws_are_the_missions_own(name):
-    batch = fly(MissionBatch(LONG, range(6)), Wanderer(), 40)  # at first nearly everything is prescribed
+    batch = fly(MissionBatch(LONG, range(12)), Wanderer(), 40)  # at first nearly everything is prescribed
     method = untrained(name)
     best = [arrays_of(LearnedPolicy(method, batch, is_greedy=True)(batch.observations)) for _ in range(2)]
     policy, again = LearnedPolicy(method, batch), LearnedPolicy(method, batch)

@@ -72,7 +72,7 @@ class Historian:
             self.checked += 1
 
 
-@settings(max_examples=14)
+@settings(max_examples=9)
 @given(scenarios(robot_period=1, operator_period=1), seeds, limitations)
 def test_everything_known_was_true_at_its_evidence_time(scenario, seed, limitation):
     if scenario.n_robots == 64:

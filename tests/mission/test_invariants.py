@@ -146,14 +146,14 @@ class Auditor:
         assert np.array_equal(new.tasks[over], old.tasks[over]) and np.array_equal(new.robots[over], old.robots[over])
 
 
-@settings(max_examples=12)
+@settings(max_examples=8)
 @given(scenarios(), seeds, link_models, limitations, st.sampled_from([0.02, 0.2, 0.9]))
 def test_rules_hold_at_every_step_of_any_mission(scenario, seed, links, limitation, restless):
     batch = WatchedBatch(scenario, [seed, seed // 2], links, limitation, watch=Auditor())
     fly(batch, Wanderer(seed % 1000, restless))
 
 
-@settings(max_examples=9)
+@settings(max_examples=7)
 @given(scenarios(), seeds, limitations, st.sampled_from(["random", "greedy", "omniscient"]))
 def test_reference_policies_fly_any_scenario_legally(scenario, seed, limitation, name):
     batch, policy = prepare(name, scenario, [seed, seed // 2], limitation=limitation)

@@ -283,7 +283,7 @@ def claims(pilot, robot, task):
 
 
 def test_a_reply_tells_of_anothers_claim_by_whom_and_when():
-    pilot = asker(broadcast_records=0, n_tasks=4)
+    pilot = asker(broadcast_records=0, range=(2.0,) * 3)
     pilot.step(robots={0: dict(task=IDLE), 1: dict(task=2)}).wait(1)
     report = pilot.peers[-1, 1:2]
     report["time"], report["task"], report["activity"] = 2, 2, Activity.TRAVELLING

@@ -290,7 +290,7 @@ def test_a_name_registered_again_is_for_batches_made_or_reset_afterwards():
 
 def test_own_models_are_found_listed_and_not_among_the_built_in_ones():
     assert find_link_model("test-fading").name == "CUSTOM" and not {*OWN_MODELS} & {*LINK_MODELS}
-    assert "custom" not in LINK_MODELS and len(LINK_MODELS) == 5
+    assert "custom" not in LINK_MODELS and len(LINK_MODELS) == 7
     with pytest.raises(ValueError, match="unknown link model 'smoke': use abstract, .*perfect, .*test-fading.*, or register it"):
         find_link_model("smoke")
 

@@ -85,7 +85,7 @@ def test_more_power_or_less_noise_changes_an_unmodified_radio_alone(profile):
 @every_limitation
 def test_ranges_and_shares_in_time(links, profile, limitation):
     rules = radio_rules(bare("medium", profile=profile), links, limitation)
-    is_free = links == "perfect"
+    is_free = links in ("perfect", "known")
     is_open = is_free or (LINK_MODELS[links] in RAY_MODELS and profile != "matched")
     assert rules["range"] == (np.inf if is_open else RANGES[limitation] * 1000)
     assert rules["on_time"] == pytest.approx(1 if is_free else IN_TIME[limitation])

@@ -3,7 +3,7 @@
 from rich.box import MARKDOWN
 from rich.table import Table
 
-from ...study.value import NOMINAL, VARIANTS, Value
+from ...study.information_value import NOMINAL, VARIANTS, Value
 
 
 def value_tables(values: list[Value], links: str, n_missions: int) -> list[Table]:

@@ -8,8 +8,8 @@ from strategies import change
 
 from commhg_mj.flights.held_out import HELD_OUT
 from commhg_mj.scenarios import SCENARIOS
-from commhg_mj.study import value
-from commhg_mj.study.value import N_FLIGHTS, SHARES, VARIANTS, measure_value, with_budget
+from commhg_mj.study import information_value
+from commhg_mj.study.information_value import N_FLIGHTS, SHARES, VARIANTS, measure_value, with_budget
 
 BUSY = 1800.0  # s of an operator's control in a nominal mission
 
@@ -27,7 +27,7 @@ def flown(monkeypatch):
             SimpleNamespace(twcr=twcr + 0.01 * (-1) ** seed, control_time=BUSY / 3600.0, duration=3600) for seed in seeds
         ]
 
-    monkeypatch.setattr(value, "fly", fly)
+    monkeypatch.setattr(information_value, "fly", fly)
     return calls
 
 
