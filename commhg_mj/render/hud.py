@@ -176,7 +176,7 @@ class Hud:
         height = 40 + 18 * len(teams)
         self.box(EDGE, y, COLUMN, height)
         standing = f"{moment.standing.sum()} refused · " if moment.standing.any() else ""
-        self._heading(y, "ROBOTS", f"{standing}{np.mean(moment.broadcast_tokens):.0%} to broadcast")
+        self._heading(y, "ROBOTS", f"{standing}{np.mean(moment.broadcast_tokens):.0%} tokens")
         for row, (name, activity, colour) in enumerate(teams):
             at = y + 26 + 18 * row
             self.text(EDGE + 10, at + 9, f"{len(activity)} {name}", 11.5, colour, 600)

@@ -73,6 +73,8 @@ def _fly(scenario, world, tasks, ticks, rng):
         "robot_query": np.full((ticks + 1, r), -1, "i1"),
         "robot_request": np.zeros((ticks + 1, r), "i1"),
         "robot_tokens": rng.uniform(0, 192, (ticks + 1, r)).astype("f4"),
+        "robot_broadcast_tokens": rng.uniform(0, 640, (ticks + 1, r)).astype("f4"),
+        "robot_stand_left": np.zeros((ticks + 1, r), "f4"),
     }
     owned = np.zeros(scenario.n_tasks, bool)
     fails = ticks // 2 if r > 1 else ticks + 1
@@ -87,6 +89,7 @@ def _fly(scenario, world, tasks, ticks, rng):
             log["robot_activity"][tick, i] = trip.activity
             log["robot_task"][tick, i] = trip.task
             log["robot_progress"][tick, i] = trip.progress
+    log["robot_stand_left"][log["robot_activity"] == Activity.IDLE] = 7.0
     return log
 
 
