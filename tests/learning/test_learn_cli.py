@@ -105,12 +105,12 @@ def test_resume_goes_on_where_an_interrupted_run_stood(run, tiny, tmp_path, monk
         return update(training)
 
     monkeypatch.setattr(train.Training, "update", interrupt)
-    code, _, err = run("train", *options(tiny, "r", method="mappo"))
+    code, _, err = run("train", *options(tiny, "r", method="mappo", missions=30))
     assert code == 130 and err.splitlines()[-1].endswith("commhg-mj train --resume --out r") and err.count("interrupted") == 1
     monkeypatch.setattr(train.Training, "update", update)
     assert train.Training.resume(tmp_path / "r").updates == 2
     assert run("train", "--out", "r", "--resume")[0] == 0
-    assert run("train", *options(tiny, "whole", method="mappo"))[0] == 0
+    assert run("train", *options(tiny, "whole", method="mappo", missions=30))[0] == 0
     one, other = (torch.load(tmp_path / name / "state.pt", weights_only=True) for name in ("r", "whole"))
     assert all(torch.equal(one["method"][key], other["method"][key]) for key in one["method"])
     assert one["counts"][:2] == other["counts"][:2] and one["counts"][0] > 2
@@ -119,7 +119,7 @@ def test_resume_goes_on_where_an_interrupted_run_stood(run, tiny, tmp_path, monk
     # A run that is done stays as it is.
     before = (tmp_path / "r" / "state.pt").read_bytes()
     code, out, _ = run("train", "--out", "r", "--resume")
-    assert code == 0 and "nothing was left to do: all 12 missions are flown" in out
+    assert code == 0 and "nothing was left to do: all 30 missions are flown" in out
     assert (tmp_path / "r" / "state.pt").read_bytes() == before
 
 
@@ -305,7 +305,7 @@ def test_stages_are_all_smaller_scenarios_in_order(tmp_path):
 
 def test_a_curriculum_goes_on_in_the_stage_where_it_was_interrupted(run, tiny, tmp_path, monkeypatch):
     monkeypatch.setattr(curriculum, "SCENARIOS", {"small": load_scenario(tiny)})
-    monkeypatch.setattr(curriculum, "MISSIONS", {"small": 4})
+    monkeypatch.setattr(curriculum, "MISSIONS", {"small": 12})
     larger, update, at = tmp_path / "larger.toml", train.Training.update, []
     larger.write_text(TINY.replace("tiny", "larger") + "n_uav = 4\n")
 
@@ -320,7 +320,7 @@ def test_a_curriculum_goes_on_in_the_stage_where_it_was_interrupted(run, tiny, t
     assert run("train", "--out", "c", "--resume")[0] == 0
     assert at[:2] == ["tiny", "tiny"] and at[-1] == "larger" and sorted(at, key=("tiny", "larger").index) == at
     before, after = (load_weights(folder / train.WEIGHTS)[1] for folder in (tmp_path / "c" / "small", tmp_path / "c"))
-    assert after["cpu_seconds_before"] == pytest.approx(before["cpu_seconds"], abs=1) and before["missions"] >= 4
+    assert after["cpu_seconds_before"] == pytest.approx(before["cpu_seconds"], abs=1) and before["missions"] >= 12
 
 
 def test_numbers_that_are_none_end_in_one_line(refused, tiny, tmp_path, monkeypatch):
