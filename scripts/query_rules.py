@@ -3,8 +3,7 @@
 python scripts/query_rules.py --missions 300 --scenario small medium
 
 Every rule asks the operator whose report is oldest, who was never heard of first; rules differ in when a robot asks.
-Printed is what a rule adds to the TWCR of
-greedy+no-query on the missions of calibration, paired, with 95 % intervals.
+Printed is what a rule adds to the TWCR of greedy+no-query on the missions of calibration, paired, with 95 % intervals.
 """
 
 import argparse

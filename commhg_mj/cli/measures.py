@@ -60,7 +60,7 @@ class Calibrate:
         with progress("flying", len(LINKS) * N_FLIGHTS * self.missions * len(SCENARIOS)) as advance:
             results = [[calibrate(name, self.missions, self.workers, links, advance) for name in SCENARIOS] for links in LINKS]
         for under_one_model in results:
-            OUT.print(*calibration_tables(under_one_model, self.missions))
+            WIDE.print(*calibration_tables(under_one_model, self.missions))
 
 
 @dataclass(frozen=True)

@@ -103,9 +103,7 @@ def write_reply(m, message, h, r, tip, now):
         message.records = 1
         message.task[0] = tip
         message.belief[0] = known_task(m, m.n_robots, tip)
-        other = claimer(m, r, tip, now)
-        if other != NOBODY:
-            message.belief[0].claimed_by, message.belief[0].claim_time = other, known_robot(m, m.n_robots, other).time
+        message.belief[0].claimed_by, message.belief[0].claim_time = newest_claim(m, r, tip, now)
 
 
 @kernel
@@ -150,27 +148,28 @@ def is_news(m, r, j, now):
     is_elses = belief.status != OPEN and report.task != j
     if belief.time > told.time and (is_done or belief.type != true_task(m, j).announced or is_elses):
         return True
-    other = claimer(m, r, j, now)
+    other, claimed_at = newest_claim(m, r, j, now)
     if is_done or other == NOBODY:
         return False
-    return told.claim_time < 0.0 or known_robot(m, station, other).time > told.claim_time + AGAIN
+    return told.claim_time < 0.0 or claimed_at > told.claim_time + AGAIN
 
 
 @kernel
-def claimer(m, r, j, now):
-    """The robot other than r whose report, the freshest one, shows it on its way to task j or at work there; NOBODY: none."""
-    who, newest = NOBODY, now - FRESH
+def newest_claim(m, r, j, now):
+    """(robot, when) of the freshest report that shows another robot than r on task j; (NOBODY, NEVER) if there is none."""
+    who, newest = NOBODY, NEVER
     for k in range(m.n_robots):
         report = known_robot(m, m.n_robots, k)
-        if k != r and report.task == j and report.time >= 0.0 and report.time > newest:
-            who, newest = k, report.time
-    return who
+        if k != r and report.task == j and report.time > max(newest, now - FRESH):
+            who, newest = k, float(report.time)
+    return who, newest
 
 
 @kernel
 def note_tip(m, r, j):
     """Robot r counts as told of task j, even if the reply is lost."""
-    told, other = tip_of(m, r, j), claimer(m, r, j, m.now)
+    told = tip_of(m, r, j)
     told.time = max(told.time, known_task(m, m.n_robots, j).time)
+    other, claimed_at = newest_claim(m, r, j, m.now)
     if other != NOBODY:
-        told.claim_time = known_robot(m, m.n_robots, other).time
+        told.claim_time = claimed_at

@@ -114,7 +114,8 @@ def decide(rules, plan, desk, memory, observations, decisions):
     for i in range(observations.robots.shape[0]):
         robot = observations.robots[i]
         taken = memory.taken[robot.mission, robot.robot]
-        remember(robot, observations.robot_tasks[i], taken)
+        if plan.remembers:
+            remember(robot, observations.robot_tasks[i], taken)
         decisions.task[i] = KEEP if is_settled(robot) else choose_task(rules[0], plan, desk, taken, observations, i)
     if plan.persists:
         persist(rules, observations, decisions)
@@ -210,7 +211,7 @@ def rate_own(rules, plan, robot, tasks, taken, columns, backlog, worth):
             way = 0.0 if is_held and robot.activity == SERVICING else task.distance
             saved = regret(rules, task, task_seconds(rules, plan, task, way / robot.speed, robot.mode), robot.time, backlog)
             worth[column] = max(0.0, saved) * (LOYALTY if is_held else 1.0)
-            if plan.remembers and not is_held and taken[j] >= 0.0:
+            if not is_held and taken[j] >= 0.0:
                 worth[column] *= TAKEN
 
 

@@ -1,21 +1,17 @@
 """What `calibrate` prints."""
 
-from rich.box import MARKDOWN
 from rich.table import Table
 
 from ...study.calibration import Calibration
+from . import page_table
 
 
 def calibration_tables(results: list[Calibration], n_missions: int) -> list[Table]:
     """TWCR of every reference under one link model, and the rules with what was measured; docs/calibration.md has them."""
     links = results[0].links
-    figures = Table(title=f"mean TWCR, {links} links, {n_missions} missions [95 % interval]", title_justify="left", box=MARKDOWN)
-    rules = Table(title=f"rules, {links} links", title_justify="left", box=MARKDOWN)
-    figures.add_column("flight")
-    rules.add_column("rule")
-    for result in results:
-        figures.add_column(result.scenario)
-        rules.add_column(result.scenario)
+    names = [result.scenario for result in results]
+    figures = page_table("flight", *names, title=f"mean TWCR, {links} links, {n_missions} missions [95 % interval]")
+    rules = page_table("rule", *names, title=f"rules, {links} links")
     for label in results[0].twcr:
         figures.add_row(label, *(str(result.twcr[label]) for result in results))
     for i, rule in enumerate(results[0].rules):

@@ -1,11 +1,11 @@
 """What `evaluate` prints: a row a policy, and how each communicates."""
 
-from rich.box import MARKDOWN
 from rich.console import Group
 from rich.table import Table
 
 from ...replay.communication import FIGURES, mean_figures
 from ...study.evaluation import Condition, compare_scores
+from . import page_table
 
 
 def evaluation_tables(title, flights: dict) -> Group:
@@ -25,10 +25,7 @@ def summary_table(results: list[tuple[Condition, dict]], n_missions: int) -> Tab
     columns = [compare_scores(flights) for _, flights in results]
     first = columns[0][0]["policy"]
     title = f"TWCR of {first}, the others minus {first}, {n_missions} held-out missions"
-    table = Table(title=title, title_justify="left", box=MARKDOWN)
-    table.add_column("policy")
-    for condition, _ in results:
-        table.add_column(str(condition))
+    table = page_table("policy", *(str(condition) for condition, _ in results), title=title)
     for row, rows in enumerate(zip(*columns)):
         table.add_row(rows[0]["policy"], *(str(each["difference" if row else "twcr"]) for each in rows))
     return table

@@ -1,13 +1,13 @@
 """One link under both models, and fitted decay lengths."""
 
 import numpy as np
-from rich.box import MARKDOWN
 from rich.table import Table
 
 from ...planning.decay_fit import Fit
 from ...planning.section import MODELS, LinkView
 from ...radio import losses as budget
 from ...radio.link_models import system_loss
+from . import page_table
 
 
 def link_table(link: LinkView) -> Table:
@@ -56,9 +56,8 @@ def _edge(rays):
 
 def fit_table(fits: list[Fit]) -> Table:
     """The fields of abstract-fit, as scenarios take them."""
-    table = Table(title="abstract-fit, by maximum likelihood", title_justify="left", box=MARKDOWN)
-    for column in ("scenario", "radio.fitted_forest_decay (m)", "radio.fitted_mountain_decay (m)", "links"):
-        table.add_column(column)
+    heads = "scenario", "radio.fitted_forest_decay (m)", "radio.fitted_mountain_decay (m)", "links"
+    table = page_table(*heads, title="abstract-fit, by maximum likelihood")
     table.add_column("log-likelihood a link: own, fitted")
     for one in fits:
         likelihood = f"{one.own_log_likelihood:.4f}, {one.log_likelihood:.4f}"
