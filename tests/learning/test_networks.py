@@ -260,11 +260,11 @@ def test_a_robot_is_alone_in_its_row(robot, operator):
 
 
 def test_to_keep_a_task_scores_as_that_task(robot, operator):
-    held = robot_graphs([Row((True, True, True), own=1)])
+    held = robot_graphs([Row((True, True, True), own=1)], seed=1)
     with_task, without = score(robot, held), score(robot, held._replace(own_edge=np.array([-1])))
     gain = unbounded(with_task.keep_idle) - unbounded(without.keep_idle)
     torch.testing.assert_close(gain[0, 0], unbounded(with_task.task[1]), **close)
-    assert gain[0, 1] == 0 and with_task.task[1].abs() > 0.001
+    assert gain[0, 1] == 0 and with_task.task[1].abs() > 0.01
     stations = operator_graphs(4, 3)._replace(held=np.array([2, 0, 1, -1]))
     kept, free = operator(operator_batch(stations)), operator(operator_batch(stations._replace(held=np.full(4, -1))))
     gain = unbounded(kept) - unbounded(free)

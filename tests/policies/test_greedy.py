@@ -129,7 +129,7 @@ def test_the_schedule_broadcasts_every_period_and_requests_help_on_hard_tasks():
 def test_the_schedule_asks_whoever_was_not_heard_of_for_longest_once_a_far_task_is_chosen():
     batch = MissionBatch("medium", [1, 2])
     asking, silent, asked = Greedy(batch), Greedy(batch, asks=False), 0
-    while batch.time.max() < 600:
+    while batch.time.max() < 1200:
         seen = batch.observations
         decisions, quiet = asking(seen), silent(seen)
         assert np.all(quiet.query == NOBODY)
@@ -145,7 +145,7 @@ def test_the_schedule_asks_whoever_was_not_heard_of_for_longest_once_a_far_task_
                 assert unheard[decisions.query[i]] == unheard.max()
                 asked += 1
         batch.step(decisions)
-    assert asked > 30
+    assert asked > 50
     with pytest.raises(ValueError, match="asks"):
         Greedy(batch, asks="no")
 

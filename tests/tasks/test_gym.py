@@ -244,12 +244,12 @@ def test_unseeded_missions_come_from_the_allowed_seeds(seeds):
 
 
 def test_environments_do_not_disturb_one_another():
-    alone = [list(fly(MissionEnv(BRIEF), Dice(BRIEF, seed), seed)) for seed in (1, 2)]
-    together = zip(*(fly(MissionEnv(BRIEF), Dice(BRIEF, seed), seed) for seed in (1, 2)))
+    alone = [list(fly(MissionEnv(BRIEF), Dice(BRIEF, seed), seed)) for seed in (7, 11)]
+    together = zip(*(fly(MissionEnv(BRIEF), Dice(BRIEF, seed), seed) for seed in (7, 11)))
     for k, steps in enumerate(together):
         for mine, step in zip(alone, steps):
             np.testing.assert_equal(mine[k], step)
-    assert k >= 30
+    assert k >= 40
 
 
 @pytest.mark.parametrize("copy_of", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))], ids=["deepcopy", "pickle"])
