@@ -4,6 +4,7 @@ import dataclasses
 import shlex
 from dataclasses import dataclass
 from itertools import product
+from math import nan
 from pathlib import Path
 from typing import Literal
 
@@ -29,8 +30,14 @@ class Train:
     """small, medium, large, or a TOML file that overrides one of them"""
     seed: int = 0
     """of networks, choices and training missions"""
+    learner: str = "clone,ppo"
+    """one or more of clone, ppo and rollouts, with commas between them: each goes on from the one before"""
+    teacher: Literal["greedy", "planner"] = "greedy"
+    """whom clone imitates"""
+    plans: bool = False
+    """robots and operators read the planner's numbers, too"""
     missions: int = 4000
-    """to fly in all; the learning rate falls towards the last; more of them lengthen a run that is resumed"""
+    """to fly in all, by each learner; ppo's rate falls towards the last; more of them lengthen a run that is resumed"""
     minutes: float | None = None
     """stop after so many minutes of CPU, wherever the run stands; those of the weights it began with count too"""
     side_by_side: int = 32
@@ -44,7 +51,7 @@ class Train:
     trace: Literal["decision", "second"] = "decision"
     """what the trace decays by: an actor's decisions, or the seconds between them"""
     init: str = ""
-    """weights to begin with, in place of imitating Greedy; or small-to-large: learn on every smaller scenario first"""
+    """weights to begin with, in place of imitating the teacher; or small-to-large: learn on every smaller scenario first"""
     links: str = DEFAULT_LINKS
     """link model"""
     limitation: Limitation = "nominal"
@@ -115,10 +122,14 @@ class Train:
 
 
 def _line(row, missions, validation):
-    line = (
-        f"update {row['update']:4d}  missions {row['missions']:5d}/{missions}  TWCR {row['twcr']:.3f}  "
-        f"KL {row['kl']:.4f}  entropy {row['entropy']:.3f}  {row['rate']:5.0f} decisions/CPU-s"
-    )
+    losses = [name for name in ("task_loss", "pick_loss", "imitation") if row.get(name, nan) == row.get(name, nan)]
+    line = f"update {row['update']:4d}  missions {row['missions']:5d}/{missions}  "
+    if losses:
+        line += "  ".join(f"{name.replace('_', ' ')} {row[name]:.4f}" for name in losses)
+    elif "points" in row:
+        line += f"TWCR {row['twcr']:.3f}  points {row['points']:6d}  {row['rate']:5.0f} points/CPU-s"
+    else:
+        line += f"TWCR {row['twcr']:.3f}  KL {row['kl']:.4f}  entropy {row['entropy']:.3f}  {row['rate']:5.0f} decisions/CPU-s"
     if row["validation"] != row["validation"]:  # not every update flies them
         return line
     return f"{line}  validation {row['validation']:.3f}, Greedy {validation.greedy:.3f}"

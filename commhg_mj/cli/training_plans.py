@@ -4,19 +4,20 @@ import dataclasses
 
 from ..learning.curriculum import PLAN, SMALL_TO_LARGE, read_plan, smaller, write_plan
 from ..learning.ppo import Hyper
-from ..learning.registry import find_method
-from ..learning.train import STATE, Plan, begin_with
+from ..learning.registry import make_method
+from ..learning.train import STATE, Plan, begin_with, check_learner
 from ..radio import find_link_model
 from ..scenarios import Scenario, load_scenario
 from .console import at_least
 
 OF_HYPER = ("lam", "trace")
-OF_PLAN = ("method", "seed", "links", "limitation", "missions", "side_by_side", "workers", "init")
+OF_PLAN = ("method", "seed", "links", "limitation", "missions", "side_by_side", "workers", "init", "teacher", "plans")
 
 
 def new_plan(options) -> Plan:
     """What `train` is asked for, all of it known to be right; nothing is written."""
-    method, scenario = find_method(options.method)(), load_scenario(options.scenario)
+    method, scenario = make_method(options.method, options.plans), load_scenario(options.scenario)
+    learner = check_learner(options.learner.split(","))
     find_link_model(options.links)
     for name in ("missions", "workers"):
         at_least(name, getattr(options, name), 1)
@@ -28,7 +29,7 @@ def new_plan(options) -> Plan:
         begin_with(method, init)
     return Plan(
         options.method, scenario, options.seed, options.links, options.limitation, options.missions,
-        options.side_by_side, options.workers, init=init,
+        options.side_by_side, options.workers, learner, options.teacher, options.plans, init=init,
         hyper=Hyper.of(scenario.n_robots, bool(init), lam=options.lam, trace=options.trace),
     )  # fmt: skip
 
@@ -49,7 +50,7 @@ def begin(plan: Plan, folder) -> Plan:
 def options_of(plan: Plan) -> dict:
     """The options that a run was begun with; its scenario by its name."""
     own = {name: getattr(plan, name) for name in OF_PLAN} | {name: getattr(plan.hyper, name) for name in OF_HYPER}
-    return own | {"scenario": plan.scenario.name}
+    return own | {"scenario": plan.scenario.name, "learner": ",".join(plan.learner)}
 
 
 def lengthened(options) -> Plan:

@@ -9,7 +9,8 @@ from torch import Tensor
 from .graphs import OperatorGraphs, RobotGraphs
 from .ragged import rows_of
 
-OF_TASKS, OF_PEERS = ("task", "task_edge", "task_legal"), ("peer", "peer_edge", "peer_task", "peer_past")  # an edge's columns
+# An edge's columns.
+OF_TASKS, OF_PEERS = ("task", "task_edge", "task_legal", "plan_edge"), ("peer", "peer_edge", "peer_task", "peer_past")
 
 
 class RobotBatch(NamedTuple):
@@ -31,6 +32,8 @@ class RobotBatch(NamedTuple):
     gate: Tensor
     query: Tensor
     assist: Tensor
+    plan: Tensor
+    plan_edge: Tensor
     rows: Tensor  # [E] of task edges
     peer_rows: Tensor  # [P] of peer edges
 

@@ -8,6 +8,7 @@ from ..base.arguments import path_of
 from ..base.files import whole_file
 from ..scenarios import SCENARIOS, Scenario
 from .distributed import ALONE, ProcessGroup
+from .improvement import Improvement
 from .ppo import Hyper
 from .train import STATE, WEIGHTS, Plan, Training, plan_from_json, plan_to_json
 
@@ -22,27 +23,41 @@ def smaller(scenario: Scenario) -> list[str]:
 
 
 def stages(plan: Plan, folder) -> list[tuple[Plan, Path]]:
-    """(plan, folder) of each stage of a run, the run itself last; one alone unless `plan.init` is SMALL_TO_LARGE."""
-    folder = Path(folder)
-    if plan.init != SMALL_TO_LARGE:
-        return [(plan, folder)]
-    found, init = [], ""
-    for name in smaller(plan.scenario):
-        hyper = Hyper.of(SCENARIOS[name].n_robots, bool(init), lam=plan.hyper.lam, trace=plan.hyper.trace)
-        stage = dataclasses.replace(plan, scenario=SCENARIOS[name], missions=MISSIONS[name], init=init, hyper=hyper)
-        found.append((stage, folder / name))
-        init = str(folder / name / WEIGHTS)
-    return [*found, (dataclasses.replace(plan, init=init), folder)]
+    """(plan, folder) of each stage of a run, the run itself last: every smaller scenario first for SMALL_TO_LARGE, and on each
+    scenario the learners one after the other, of which cloning and PPO are one stage.
+    """
+    folder, found = Path(folder), []
+    each, init = [(plan.scenario, plan.missions, folder)], plan.init
+    if plan.init == SMALL_TO_LARGE:
+        each, init = [(SCENARIOS[name], MISSIONS[name], folder / name) for name in smaller(plan.scenario)] + each, ""
+    for scenario, missions, at in each:
+        hyper = plan.hyper
+        if scenario is not plan.scenario:
+            hyper = Hyper.of(scenario.n_robots, bool(init), lam=hyper.lam, trace=hyper.trace)
+        parts = [part for part in parts_of(plan.learner) if not (init and part == ("clone",))] or [plan.learner]
+        for part in parts:
+            where = at if part is parts[-1] else at / "-".join(part)
+            stage = dataclasses.replace(plan, scenario=scenario, missions=missions, learner=part, init=init, hyper=hyper)
+            found.append((stage, where))
+            init = str(where / WEIGHTS)
+    return found
 
 
-def trainings(plan: Plan, folder, group: ProcessGroup = ALONE, device: str = "cpu") -> Iterator[Training]:
+def parts_of(learner: tuple[str, ...]) -> list[tuple[str, ...]]:
+    """Learners that are one stage each."""
+    at = learner.index("rollouts") if "rollouts" in learner else len(learner)
+    return [part for part in (learner[:at], learner[at : at + 1], learner[at + 1 :]) if part]
+
+
+def trainings(plan: Plan, folder, group: ProcessGroup = ALONE, device: str = "cpu") -> Iterator[Training | Improvement]:
     """Each stage's training, where it stands; the next one follows once its caller has brought it to its end."""
     for stage, at in stages(plan, folder):
+        if stage.learner == ("rollouts",):
+            training = Improvement(stage, at, group)
         # All have looked before the first one writes, and nobody reads the stage before until it is written.
-        if group.least((at / STATE).exists()):
+        elif group.least((at / STATE).exists()):
             training = Training.resume(at, group, device)
-            if at == Path(folder):  # a run may have been lengthened; stages before it have lengths of their own
-                training.plan = dataclasses.replace(training.plan, missions=plan.missions)
+            training.plan = dataclasses.replace(training.plan, missions=stage.missions)  # it may have been lengthened
         else:
             training = Training(stage, at, group=group, device=device)
             training.save()  # something to resume from, from the first moment on

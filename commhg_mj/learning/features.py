@@ -18,6 +18,7 @@ KINDS = {
     "availability": "whether a channel or a human has room",
     "mask": "what may be chosen",
     "estimate": "worked out from the others",
+    "plan": "the planner's numbers, worked out from records, claims and their ages",
     "truth": "the true state, for the critic alone",
 }
 FLAG, SIDE, LIMIT, VALUE, SHARE = "0 or 1", "map side", "time limit", "largest value", "0..1"
@@ -153,6 +154,45 @@ TASK_EDGE = Group(
     ("refused", "belief", "the resolver refused a claim a moment ago", FLAG, "refused"),
     ("is_held", "own", "the robot's own task", FLAG, "robot.task"),
     age("claim", "report of a peer on its way there", "claimed_by claim_age"),
+)
+
+def planned(name: str, meaning: str, scale: str) -> Feature:
+    """A column of the planner's numbers, which are made of all that a robot knows (policies/planner.py)."""
+    return Feature(name, "plan", meaning, scale, "all that the robot knows")
+
+
+BEST = "the row's best worth, at most 3"
+PLAN = Group(
+    "plan",
+    planned("idles", "no task falls to the robot", FLAG),
+    planned("keeps", "its own task does", FLAG),
+    planned("is_news", "it is not what the robot told last", FLAG),
+    planned("seconds", "way to the task that falls to it", "min(1, s / 200 s)"),
+    planned("best_worth", "value a minute of the best task", VALUE),
+    planned("backlog", "until the team comes round to a task", "200 s"),
+    planned("peers", "members of the team that it knows", SHARE),
+)
+
+PLAN_EDGE = Group(
+    "plan for a task",
+    planned("is_pick", "it falls to the robot", FLAG),
+    planned("reduced_cost", "what the team loses if the robot takes it", BEST),
+    planned("worth", "to the robot", BEST),
+    planned("worth_helped", "value a minute that is saved by going now, with an operator's help", VALUE),
+    planned("worth_alone", "the same without", VALUE),
+    planned("seconds_helped", "until it is done, with help", "200 s, at most 3"),
+    planned("seconds_alone", "until it is done, without", "200 s, at most 3"),
+    planned("success", "chance of an attempt alone", SHARE),
+    planned("timely", "what is left of the value then", SHARE),
+    planned("timely_later", "what is left after the backlog", SHARE),
+    planned("slack", "from then to the deadline", "tanh(s / 100 s)"),
+    planned("time_left", "from then to the end, less than 200 s", "1 - s / 200 s"),
+    planned("others_worth", "to the peer that wants it most", BEST),
+    planned("rank", "peers to whom it is worth more", SHARE),
+    planned("is_others", "it falls to a peer", FLAG),
+    planned("taken", "another is known to have taken it", "exp(-s / 60 s)"),
+    planned("price", "what the team would pay for it", BEST),
+    planned("nearby", "value of tasks near it, by 20 s of way", "4"),
 )
 
 PEER = Group(
@@ -327,5 +367,6 @@ STATE_MISSION = Group(
 )
 
 GROUPS = (
-    ROBOT, PUBLIC, TASK_EDGE, PEER, PAST, RESOURCE, OPERATOR, REPORT, STATE_ROBOT, STATE_OPERATOR, STATE_TASK, STATE_MISSION,
+    ROBOT, PUBLIC, TASK_EDGE, PLAN, PLAN_EDGE, PEER, PAST, RESOURCE, OPERATOR, REPORT,
+    STATE_ROBOT, STATE_OPERATOR, STATE_TASK, STATE_MISSION,
 )  # fmt: skip

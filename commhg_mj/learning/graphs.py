@@ -10,12 +10,16 @@ from typing import NamedTuple
 import numpy as np
 
 from ..base.kernels import kernel, record
-from ..base.terms import NOBODY, Activity, Embodiment, Mode, Session, Status
+from ..base.terms import KEEP, NOBODY, Activity, Embodiment, Mode, Session, Status
 from ..mission.batch import MissionBatch
+from ..mission.decide import Decisions
 from ..mission.estimate import attempt, control_gain
 from ..mission.observe import Observations
-from .features import LONG, OPERATOR, PEER, PUBLIC, REPORT, RESOURCE, ROBOT, SHORT, TASK_EDGE, columns_of
+from ..policies.planner import new_desk, new_memory, note_told
+from ..policies.supervision import persist
+from .features import LONG, OPERATOR, PEER, PLAN, PLAN_EDGE, PUBLIC, REPORT, RESOURCE, ROBOT, SHORT, TASK_EDGE, columns_of
 from .memory import Memory, forget, recall
+from .plan_numbers import fill_plans
 
 UGV, DONE, SERVICED = int(Embodiment.UGV), int(Status.DONE), int(Status.SERVICED)
 TRAVELLING, SERVICING = int(Activity.TRAVELLING), int(Activity.SERVICING)
@@ -33,6 +37,7 @@ class Wants(NamedTuple):
 
     every_record: bool = False  # unheard peers and reports, too: zeros, but for the public roster's embodiment
     n_past: int = 0  # earlier reports of each robot that the actor has decided with
+    plans: bool = False  # the planner's numbers
 
 
 NOTHING_MORE = Wants()
@@ -59,6 +64,8 @@ class RobotGraphs(NamedTuple):
     assist: np.ndarray  # [N] bool legal
     mission: np.ndarray  # [N] i8
     robot: np.ndarray  # [N] i8
+    plan: np.ndarray  # [N, PLAN.width] f4; no columns where nobody wants plans
+    plan_edge: np.ndarray  # [E, PLAN_EDGE.width] f4; likewise
 
 
 class OperatorGraphs(NamedTuple):
@@ -73,6 +80,7 @@ class OperatorGraphs(NamedTuple):
     past: np.ndarray  # [K, R, n_past, PAST.width] f4 the last reports, newest last
     mission: np.ndarray  # [K] i8
     operator: np.ndarray  # [K] i8
+    plan: np.ndarray  # [K] i8 the planner's choice: KEEP, REST or a robot; KEEP where nobody wants plans
 
 
 class GraphBuilder:
@@ -85,6 +93,7 @@ class GraphBuilder:
     def __init__(self, batch: MissionBatch, wants: Wants = NOTHING_MORE):
         scenario, rules = batch.scenario, batch.scenario.robots
         self.wants, self.memory = wants, Memory(len(batch.seeds), scenario, wants.n_past)
+        self.desk, self.plans = new_desk(scenario), new_memory(len(batch.seeds) if wants.plans else 0, scenario)
         self.rules = batch.rules
         self.scale = np.zeros(1, SCALE)
         fastest = max(*rules.autonomous_speed, *rules.controlled_speed)
@@ -112,23 +121,40 @@ class GraphBuilder:
             np.empty(n * peers, np.int64), np.empty(n * peers, np.int64), self.memory.room(n * peers),
             RESOURCE.zeros(n, operators), np.empty((n, 2), bool), np.empty(n, bool), np.empty((n, operators), bool),
             np.empty(n, bool), np.empty(n, np.int64), np.empty(n, np.int64),
+            np.zeros((n, 0), np.float32), np.zeros((n * tasks, 0), np.float32),
         )  # fmt: skip
         memory, every_record = self.memory.of_robots, self.wants.every_record
         edges, peers = fill_robots(self.rules[0], self.scale[0], seen, graphs, memory, every_record)
+        plan, plan_edge = graphs.plan, graphs.plan_edge[:edges]
+        if self.wants.plans:
+            plans, plan_edges = PLAN.zeros(n), PLAN_EDGE.zeros(edges)
+            fill_plans(self.rules[0], self.scale[0], self.desk, self.plans, seen, graphs.task_ptr, plans, plan_edges)
+            plan, plan_edge = columns_of(plans), columns_of(plan_edges)
         return graphs._replace(
             itself=columns_of(graphs.itself), task=graphs.task[:edges], task_edge=columns_of(graphs.task_edge[:edges]),
             task_legal=graphs.task_legal[:edges], peer_edge=columns_of(graphs.peer_edge[:peers]), peer=graphs.peer[:peers],
             peer_task=graphs.peer_task[:peers], peer_past=columns_of(graphs.peer_past[:peers]),
-            resource=columns_of(graphs.resource),
+            resource=columns_of(graphs.resource), plan=plan, plan_edge=plan_edge,
         )  # fmt: skip
+
+    def remembered(self) -> list[np.ndarray]:
+        """All that actors remember, in the same memory."""
+        return [*self.memory.columns(), *self.plans]
+
+    def note(self, seen: Observations, decisions: Decisions) -> None:
+        """Keep in mind what robots say with these decisions on what they have seen."""
+        if self.wants.plans:
+            note_told(self.plans.told, seen, decisions)
 
     def operators(self, seen: Observations) -> OperatorGraphs:
         """Graphs of the operators that are due."""
         k, r = seen.operator_reports.shape
         graphs = OperatorGraphs(
             OPERATOR.zeros(k), REPORT.zeros(k, r), np.empty((k, r), bool), np.empty((k, r), bool), np.empty((k, 2), bool),
-            np.empty(k, np.int64), self.memory.room(k, r), np.empty(k, np.int64), np.empty(k, np.int64),
+            np.empty(k, np.int64), self.memory.room(k, r), np.empty(k, np.int64), np.empty(k, np.int64), np.full(k, KEEP),
         )  # fmt: skip
+        if self.wants.plans:
+            persist(self.rules, seen, graphs.plan)
         fill_operators(self.rules[0], self.scale[0], seen, graphs, self.memory.of_operators, self.wants.every_record)
         return graphs._replace(itself=columns_of(graphs.itself), report=columns_of(graphs.report), past=columns_of(graphs.past))
 

@@ -18,6 +18,8 @@ ILLEGAL = -1e9  # a masked logit
 LEFT_OUT = -60.0  # logit of a legal option that a method does not score: it is never drawn, and nobody learns from it
 STEP = 2.0**-10  # choices are made on logits rounded to this: far above float32's errors, far below what matters
 FIXED, GATE, ASSIST, QUERY, TASKS = 0, 2, 4, 8, 64  # first components of a robot's noise
+HEADS = frozenset({"task", "broadcast", "query", "request", "operator"})
+NONE_DRAWN = frozenset()
 
 
 class RobotLogits(NamedTuple):
@@ -75,7 +77,19 @@ def tensors_of(choices: RobotChoices) -> RobotChoices:
 
 def judge_robots(logits: RobotLogits, graphs, choices) -> Likelihood:
     """The joint likelihood of robots' choices; `graphs` and `choices` hold tensors, `graphs.rows` the edges' rows."""
-    parts = [_judge_tasks(logits, graphs, choices.task)]
+    return _join([_judge_tasks(logits, graphs, choices.task), *_judge_talk(logits, graphs, choices)])
+
+
+def judge_apart(logits: RobotLogits, graphs, choices) -> tuple[Likelihood, Likelihood]:
+    """The likelihoods of robots' tasks, and of all else that they choose."""
+    task, talk = _judge_tasks(logits, graphs, choices.task), _judge_talk(logits, graphs, choices)
+    nothing = torch.zeros_like(task[0]), torch.zeros_like(task[0]), torch.zeros_like(task[2])
+    return _join([task]), _join(talk or [nothing])
+
+
+def _judge_talk(logits, graphs, choices):
+    """(log-probability, relative entropy, free) of each component but the task."""
+    parts = []
     if logits.gate is not None:
         parts.append(_judge_switch(logits.gate, choices.gate, graphs.gate))
     is_quiet = torch.ones_like(graphs.gate)
@@ -85,7 +99,7 @@ def judge_robots(logits: RobotLogits, graphs, choices) -> Likelihood:
         is_quiet = choices.query == NOBODY
     if logits.assist is not None:
         parts.append(_judge_switch(logits.assist, choices.assist, graphs.assist & is_quiet))
-    return _join(parts)
+    return parts
 
 
 def judge_operators(logits: Tensor, legal: Tensor, choices: Tensor) -> Likelihood:
@@ -134,17 +148,18 @@ def _judge_switch(logit, chosen, is_open):
     return torch.where(chosen, yes, no), entropy, is_open
 
 
-def choose_robots(logits: RobotLogits, graphs, rng, is_greedy: bool) -> RobotChoices:
-    """Sample robots' choices, or take each component's best.
+def choose_robots(logits: RobotLogits, graphs, rng, drawn: frozenset = HEADS) -> RobotChoices:
+    """Robots' choices: the best of each component, or one drawn where its head is among `drawn`.
 
     Args:
       graphs: `graphs.RobotGraphs` of arrays. rng: numpy Generator, or `draws.Draws` of these robots.
     """
-    noise, n = _noise(rng, ROBOT, is_greedy), len(graphs.itself)
+    noise, n = lambda head: _noise(rng, ROBOT, head in drawn), len(graphs.itself)
     each = np.arange(n)
     rows = np.repeat(each, np.diff(graphs.task_ptr))
-    fixed = np.where(graphs.keep_idle, _coarse(logits.keep_idle) + noise(each[:, None], FIXED + np.arange(2)), ILLEGAL)
-    edges = np.where(graphs.task_legal, noisy_tasks(logits, graphs, rng, is_greedy), ILLEGAL)
+    chance = noise("task")(each[:, None], FIXED + np.arange(2))
+    fixed = np.where(graphs.keep_idle, _coarse(logits.keep_idle) + chance, ILLEGAL)
+    edges = np.where(graphs.task_legal, noisy_tasks(logits, graphs, rng, drawn), ILLEGAL)
     best = np.where(fixed[:, 0] >= fixed[:, 1], KEEP, IDLE)
     top = fixed.max(axis=1)
     # The best edge of each row: edges in rising order of score, the last one written wins.
@@ -156,25 +171,28 @@ def choose_robots(logits: RobotLogits, graphs, rng, is_greedy: bool) -> RobotCho
     gate, assist = np.zeros(n, bool), np.zeros(n, bool)
     query = np.full(n, NOBODY)
     if logits.gate is not None:
-        gate = graphs.gate & (_coarse(logits.gate) + noise(each, GATE) - noise(each, GATE + 1) > 0.0)
+        gate = graphs.gate & _says_yes(logits.gate, noise("broadcast"), each, GATE)
     if logits.query is not None:
         legal = np.concatenate([np.ones((n, 1), bool), graphs.query], axis=1)
-        query = _best(logits.query, legal, noise, QUERY) - 1
+        query = _best(logits.query, legal, noise("query"), QUERY) - 1
     if logits.assist is not None:
-        wants = _coarse(logits.assist) + noise(each, ASSIST) - noise(each, ASSIST + 1) > 0.0
-        assist = graphs.assist & (query == NOBODY) & wants
+        assist = graphs.assist & (query == NOBODY) & _says_yes(logits.assist, noise("request"), each, ASSIST)
     return RobotChoices(task, gate, query, assist)
 
 
-def noisy_tasks(logits: RobotLogits, graphs, rng, is_greedy: bool) -> np.ndarray:
+def noisy_tasks(logits: RobotLogits, graphs, rng, drawn: frozenset) -> np.ndarray:
     """[E] scores of task edges whose highest is a draw, or the best."""
     rows = np.repeat(np.arange(len(graphs.itself)), np.diff(graphs.task_ptr))
-    return _coarse(logits.task) + _noise(rng, ROBOT, is_greedy)(rows, TASKS + graphs.task)
+    return _coarse(logits.task) + _noise(rng, ROBOT, "task" in drawn)(rows, TASKS + graphs.task)
 
 
-def choose_operators(logits: Tensor, legal: np.ndarray, rng, is_greedy: bool) -> np.ndarray:
-    """Sample operators' choices [K] among KEEP, REST and robots, or take the best."""
-    return _best(logits, legal, _noise(rng, OPERATOR, is_greedy), 0)
+def choose_operators(logits: Tensor, legal: np.ndarray, rng, drawn: frozenset = HEADS) -> np.ndarray:
+    """Operators' choices [K] among KEEP, REST and robots: drawn, or the best."""
+    return _best(logits, legal, _noise(rng, OPERATOR, "operator" in drawn), 0)
+
+
+def _says_yes(logit, noise, rows, first):
+    return _coarse(logit) + noise(rows, first) - noise(rows, first + 1) > 0.0
 
 
 def _best(logits, legal, noise, first):
@@ -187,9 +205,9 @@ def _coarse(logits):
     return np.rint(logits.numpy() / STEP) * STEP
 
 
-def _noise(rng, role, is_greedy):
+def _noise(rng, role, is_drawn):
     """What gives Gumbel noise for (rows, components) that broadcast."""
-    if is_greedy:
+    if not is_drawn:
         return lambda rows, components: 0.0
     if isinstance(rng, np.random.Generator):
         return lambda rows, components: rng.gumbel(size=np.broadcast(rows, components).shape)

@@ -1,22 +1,33 @@
 """A learned method as a policy: `policy(observations) -> decisions`, as every other."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import NamedTuple
 
 import numpy as np
 import torch
 from torch import nn
 
-from ..base.arguments import flag, instance, one_of
+from ..base.arguments import instance, one_of
 from ..mission.batch import MissionBatch
 from .graphs import GraphBuilder
+from .heads import HEADS, NONE_DRAWN
 from .noise import Draws
 from .rollout import Actors, unchanged
 
-# What an evaluation takes away from trained actors, to see what it was worth; who follows the schedule asks by it, or never.
+
+class Variant(NamedTuple):
+    """Another way to fly trained actors, to see what something is worth."""
+
+    change: Callable = unchanged  # of RobotLogits
+    drawn: frozenset = NONE_DRAWN  # heads that draw their choices; the others take the best
+
+
 VARIANTS = {
-    "no-query": lambda logits: logits._replace(query=None),
-    "random-gates": lambda logits: logits._replace(gate=torch.zeros(len(logits.keep_idle))),
+    "": Variant(),
+    "no-query": Variant(lambda logits: logits._replace(query=None)),  # who follows the schedule never asks by it
+    "random-gates": Variant(lambda logits: logits._replace(gate=torch.zeros(len(logits.keep_idle))), frozenset({"broadcast"})),
+    "drawn": Variant(drawn=HEADS),
 }
 
 
@@ -35,25 +46,24 @@ class LearnedPolicy:
     """Decides by a method's actors for one batch of missions, each as if it flew alone; the critic is not used.
 
     Args:
-      is_greedy: take the best choice instead of drawing one.
-      variant: of `VARIANTS`, or none.
+      variant: of `VARIANTS`; without one, all take their best choices.
 
     Raises:
       ValueError: the method has no such head.
     """
 
-    def __init__(self, method, batch: MissionBatch, is_greedy=False, variant=""):
+    def __init__(self, method, batch: MissionBatch, variant=""):
         instance("method", method, nn.Module)
         instance("batch", batch, MissionBatch)
         if not isinstance(variant, str) or variant:
-            one_of("variant", variant, list(VARIANTS))
+            one_of("variant", variant, list(VARIANTS)[1:])
         if variant == "random-gates" and not method.communicates:
             raise ValueError(f"{method.name}+{variant}: {method.name} follows the fixed schedule, it has no such head")
-        self.builder, self.is_greedy = GraphBuilder(batch, method.wants), flag("is_greedy", is_greedy)
-        self.actors = Actors(method, self.builder, VARIANTS.get(variant, unchanged), asks=variant != "no-query")
+        self.builder, (change, self.drawn) = GraphBuilder(batch, method.wants), VARIANTS[variant]
+        self.actors = Actors(method, self.builder, change, asks=variant != "no-query")
         self.public = self.builder.public(batch.state.tasks)
         self.seeds = np.array(batch.seeds, np.uint64)
 
     def __call__(self, observations):
         with one_thread():
-            return self.actors.decide(observations, self.public, Draws(self.seeds, observations), self.is_greedy).decisions
+            return self.actors.decide(observations, self.public, Draws(self.seeds, observations), self.drawn).decisions

@@ -171,10 +171,10 @@ class Learner:
     def judge(self, batch: Minibatch, aim: Aim = "improve") -> list[Likelihood]:
         """How likely the actors find the choices that were made: robots', then operators'."""
         robots, public, operators = batch.local
-        logits = self.method.robot(robots, public)
+        logits = self.method.robot_logits(robots, public)
         # A teacher asks by a fixed rule, or never: from it nobody learns when to.
         logits = logits._replace(query=None) if aim == "clone" else logits
-        picks = judge_operators(self.method.operator(operators), legal_picks(operators), batch.picks)
+        picks = judge_operators(self.method.operator_logits(operators), legal_picks(operators), batch.picks)
         return [judge_robots(logits, robots, batch.choices), picks]
 
     def _step(self, batch, roles, aim, rng):

@@ -17,7 +17,7 @@ UNTRAINED = (
     "mappo", "ippo", "informarl", "ata-hrl", "commhg-nocomm", "commhg-noquery", "commhg-nograph", "nocomm-blind", "commhg-three",
 )  # fmt: skip
 DIGITS = 8  # of the checksum that tells weights of one name apart
-VARIANTS = ("no-query", "random-gates")  # learned_policy.py's, named here so that torch is loaded by need alone
+VARIANTS = ("no-query", "random-gates", "drawn")  # learned_policy.py's, named here so that torch is loaded by need alone
 
 
 def find_learned(name: str) -> PolicyInfo | None:

@@ -11,6 +11,8 @@ from ..base.registries import Registry
 from . import methods
 from .critic import ReturnScale
 from .graphs import NOTHING_MORE
+from .heads import RobotLogits
+from .plan_reader import PlanReader
 
 METHODS = Registry("method", "commhg_mj.methods", adopt=lambda name, cls: method(name)(cls))
 
@@ -39,17 +41,42 @@ class Method(nn.Module):
       communicates: broadcasts, queries and requests are the heads' to choose; otherwise the fixed schedule does.
       picks_first: its robots choose their first targets at t = 0, one after the other; otherwise the initializer does.
       wants: what its graphs hold beside what all get.
+      may_read_plans: it can be trained with the planner's numbers.
+      plan: what reads them, None: nothing does.
     """
 
     name: str = ""
     communicates = False
     picks_first = False
+    may_read_plans = True
     wants = NOTHING_MORE
     about = About()
 
     def __init__(self, robot: nn.Module, operator: nn.Module, critic: nn.Module):
         super().__init__()
         self.robot, self.operator, self.critic, self.scale = robot, operator, critic, ReturnScale()
+        self.plan = None
+
+    def read_plans(self) -> "Method":
+        """Let its robots read the planner's numbers, too; to be called before anything is learned.
+
+        Raises:
+          ValueError: this method never does.
+        """
+        if not self.may_read_plans:
+            raise ValueError(f"plans: {self.name} never reads the planner's numbers")
+        self.plan, self.wants = PlanReader(), self.wants._replace(plans=True)
+        return self
+
+    def robot_logits(self, graphs, public: Tensor) -> RobotLogits:
+        """What its robots' networks say of a `batches.RobotBatch`."""
+        logits = self.robot(graphs, public)
+        return logits if self.plan is None else self.plan.robots(graphs, logits)
+
+    def operator_logits(self, graphs) -> Tensor:
+        """[K, 2 + R] what its operators' network says of `OperatorGraphs` of tensors."""
+        logits = self.operator(graphs)
+        return logits if self.plan is None else self.plan.operators(graphs, logits)
 
     def auxiliary(self, decided, rng) -> Tensor | None:
         """A further loss of a minibatch, learned from the true state in training alone; None: there is none.
@@ -81,3 +108,13 @@ def find_method(name: str) -> type:
     for module in pkgutil.iter_modules(methods.__path__):
         importlib.import_module(f"{methods.__name__}.{module.name}")
     return METHODS.find(name)
+
+
+def make_method(name: str, plans: bool = False) -> Method:
+    """An untrained method of that name, whose robots read the planner's numbers or not.
+
+    Raises:
+      ValueError: there is none, or it never reads them.
+    """
+    made = find_method(name)()
+    return made.read_plans() if plans else made

@@ -8,6 +8,7 @@ import torch
 from ..base.terms import KEEP, REST, Activity
 from ..mission.batch import MissionBatch
 from ..mission.decide import Decisions
+from ..policies import POLICIES
 from ..policies.schedule import follow_schedule
 from .advantage import estimate_advantages
 from .batches import RobotBatch, join_operators, join_robots, legal_picks, operator_batch, pick_robots, robot_batch
@@ -15,6 +16,7 @@ from .critic import N_PARTS, Agents, Local, judge_values
 from .first_targets import assign, beginners, take_turns
 from .graphs import GraphBuilder, OperatorGraphs, RobotGraphs
 from .heads import (
+    HEADS,
     Likelihood,
     RobotChoices,
     RobotLogits,
@@ -83,48 +85,50 @@ class Actors:
     def score(self, robots: RobotGraphs, public) -> tuple[RobotBatch, RobotLogits]:
         """(the graphs as tensors, what the actor says of them)."""
         batch = robot_batch(robots, public.shape[1])
-        return batch, self.change(self.method.robot(batch, torch.from_numpy(public.reshape(-1, public.shape[2]))))
+        return batch, self.change(self.method.robot_logits(batch, torch.from_numpy(public.reshape(-1, public.shape[2]))))
 
     @torch.no_grad()
-    def decide(self, seen, public, rng, is_greedy=False, is_learning=False, teacher=None) -> Decided:
-        """Choices drawn from the actors, or their best, or a teacher policy's as if the actors had made them.
+    def decide(self, seen, public, rng, drawn=HEADS, is_learning=False, teacher=None) -> Decided:
+        """Choices of the actors, or a teacher policy's as if the actors had made them.
 
         Args:
+          drawn: heads whose choices are drawn; the others' are their best.
           public: [worlds, T, PUBLIC.width]; `seen`'s missions are its rows.
           is_learning: the choices' likelihoods will be asked for.
         """
         robots, operators = self.builder.robots(seen), self.builder.operators(seen)
         taught = from_decisions(robots, operators, decisions := teacher(seen)) if teacher else (None, None)
-        robots, choices, robots_judged = self._decide_robots(robots, public, rng, is_greedy, is_learning, taught[0])
-        picks, operators_judged = self._decide_operators(operators, rng, is_greedy, is_learning, taught[1])
+        robots, choices, robots_judged = self._decide_robots(robots, public, rng, drawn, is_learning, taught[0])
+        picks, operators_judged = self._decide_operators(operators, rng, drawn, is_learning, taught[1])
         if not teacher or self.method.picks_first:
             decisions = to_decisions(robots, choices, picks)
         if not self.method.communicates:
             follow_schedule(seen, decisions, self.asks)
+        self.builder.note(seen, decisions)
         return Decided(robots, operators, choices, picks, *zip(robots_judged, operators_judged), decisions)
 
-    def _decide_robots(self, robots, public, rng, is_greedy, is_learning, taught):
+    def _decide_robots(self, robots, public, rng, drawn, is_learning, taught):
         """(graphs with what was open to them, choices, (likelihoods, whether there was a choice))."""
         if not len(robots.itself):
             return robots, NO_CHOICES, NOT_ASKED
         batch, logits = self.score(robots, public)
         beginning = beginners(robots) if self.method.picks_first else []
         if len(beginning):
-            robots, first = take_turns(robots, assign(robots) if taught else noisy_tasks(logits, robots, rng, is_greedy))
+            robots, first = take_turns(robots, assign(robots) if taught else noisy_tasks(logits, robots, rng, drawn))
             masks = torch.from_numpy(robots.task_legal), torch.from_numpy(robots.keep_idle)
             batch = batch._replace(task_legal=masks[0], keep_idle=masks[1])
-        choices = taught or choose_robots(logits, robots, rng, is_greedy)
+        choices = taught or choose_robots(logits, robots, rng, drawn)
         if len(beginning):
             choices.task[beginning] = first
         return robots, choices, judged(judge_robots(logits, batch, tensors_of(choices))) if is_learning else NOT_ASKED
 
-    def _decide_operators(self, operators, rng, is_greedy, is_learning, taught):
+    def _decide_operators(self, operators, rng, drawn, is_learning, taught):
         """(choices, (likelihoods, whether there was a choice))."""
         if not len(operators.itself):
             return np.zeros(0, np.int64), NOT_ASKED
         batch = operator_batch(operators)
-        logits, legal = self.method.operator(batch), legal_picks(batch)
-        picks = choose_operators(logits, legal.numpy(), rng, is_greedy) if taught is None else taught
+        logits, legal = self.method.operator_logits(batch), legal_picks(batch)
+        picks = choose_operators(logits, legal.numpy(), rng, drawn) if taught is None else taught
         return picks, judged(judge_operators(logits, legal, torch.from_numpy(picks))) if is_learning else NOT_ASKED
 
 
@@ -150,23 +154,28 @@ class Collector:
     Args:
       first_seed: of the first mission; the others count on from it.
       rng: numpy Generator of all choices.
+      teacher: name of the policy that may decide in place of the method.
     """
 
-    def __init__(self, method, scenario, first_seed, n_missions, links, limitation, rng):
-        self.method, self.rng = method, rng
+    def __init__(self, method, scenario, first_seed, n_missions, links, limitation, rng, teacher="greedy"):
+        self.method, self.rng, self.make_teacher = method, rng, POLICIES[teacher].make
         self.next_seed = first_seed + n_missions
         self._fly(MissionBatch(scenario, range(first_seed, self.next_seed), links, limitation))
         self.scores = []  # TWCR of missions that have ended
 
     def _fly(self, batch):
         self.batch, self.builder = batch, GraphBuilder(batch, self.method.wants)
-        self.actors = Actors(self.method, self.builder)
+        self.actors, self.teacher = Actors(self.method, self.builder), self.make_teacher(batch)
         self.public = self.builder.public(batch.state.tasks)
+
+    def _remembered(self):
+        """All arrays of what actors and the teacher remember."""
+        return [*self.builder.remembered(), *getattr(self.teacher, "memory", ())]
 
     def state_dict(self) -> dict:
         """Missions under way, as tensors and numbers."""
         arrays = {name: torch.from_numpy(array.view(np.uint8).copy()) for name, array in self.batch.state._asdict().items()}
-        memory = [torch.from_numpy(columns.copy()) for columns in self.builder.memory.columns()]
+        memory = [torch.from_numpy(columns.copy()) for columns in self._remembered()]
         return {
             "seeds": self.batch.seeds, "next_seed": self.next_seed, "arrays": arrays, "memory": memory, "scores": self.scores,
         }  # fmt: skip
@@ -179,11 +188,11 @@ class Collector:
         batch.restore({name: tensor.numpy().view(kinds[name].dtype) for name, tensor in state["arrays"].items()})
         self.next_seed, self.scores = state["next_seed"], state["scores"]
         self._fly(batch)
-        for columns, tensor in zip(self.builder.memory.columns(), state["memory"]):
+        for columns, tensor in zip(self._remembered(), state["memory"]):
             columns[:] = tensor.numpy()
 
-    def collect(self, n_decisions: int, critic, scale, gamma, lam, trace="decision", teacher=None) -> Experience:
-        """At least so many robot decisions; a `teacher` policy may make them, whose choices are then remembered."""
+    def collect(self, n_decisions: int, critic, scale, gamma, lam, trace="decision", is_taught=False) -> Experience:
+        """At least so many robot decisions; the teacher may make them, whose choices are then remembered."""
         steps, batch = [], self.batch
         batch.discount = gamma
         worlds, world_of = [self.public.copy()], np.arange(len(batch.seeds))  # a restart overwrites `public`
@@ -200,6 +209,7 @@ class Collector:
                 world_of[e] = sum(map(len, worlds))
                 worlds.append(self.public[e : e + 1].copy())
             time[over] = 0.0
+            teacher = self.teacher if is_taught else None
             decided = self.actors.decide(seen, self.public, self.rng, is_learning=True, teacher=teacher)
             robots, operators = decided.robots, decided.operators
             missions = np.flatnonzero(~over)
@@ -272,15 +282,23 @@ def change_rate(data: Experience) -> float:
 
 def from_decisions(robots: RobotGraphs, operators: OperatorGraphs, decisions: Decisions) -> tuple:
     """(robots' choices, operators' choices) of decisions that somebody else has made."""
-    task = decisions.task.astype(np.int64)
-    rows = np.repeat(np.arange(len(task)), np.diff(robots.task_ptr))
-    edge = np.full(len(task), KEEP)
-    hit = np.flatnonzero(robots.task == task[rows])
-    edge[rows[hit]] = hit
-    task = np.where(task >= 0, edge, task)
+    task = edges_of(robots, decisions.task.astype(np.int64)[:, None])[:, 0]
     choices = RobotChoices(task, decisions.broadcast, decisions.query.astype(np.int64), decisions.assist)
-    pick = decisions.operator.astype(np.int64)
-    return choices, np.where(pick >= 0, pick + 2, np.where(pick == KEEP, 0, 1))
+    return choices, picks_of(decisions.operator.astype(np.int64))
+
+
+def edges_of(graphs: RobotGraphs, tasks: np.ndarray) -> np.ndarray:
+    """[N, C] edges of each row's tasks [N, C], KEEP for its own or one without an edge; what is no task stays."""
+    rows = np.repeat(np.arange(len(tasks)), np.diff(graphs.task_ptr))
+    edges = np.full((len(tasks), 1 + max(graphs.task.max(initial=0), tasks.max(initial=0))), KEEP)
+    edges[rows, graphs.task] = np.arange(len(graphs.task))
+    found = np.where(tasks >= 0, edges[np.arange(len(tasks))[:, None], np.maximum(tasks, 0)], tasks)
+    return np.where((found >= 0) & (found == graphs.own_edge[:, None]), KEEP, found)
+
+
+def picks_of(operator: np.ndarray) -> np.ndarray:
+    """Columns of operators' logits of their choices; what is no choice stays."""
+    return np.where(operator >= 0, operator + 2, np.where(operator == KEEP, 0, np.where(operator == REST, 1, operator)))
 
 
 def join_choices(robots: list[RobotGraphs], choices: list[RobotChoices]) -> RobotChoices:

@@ -12,23 +12,28 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from ..base.arguments import LARGEST_SEED, instance, missions_of, path_of, whole
+from ..base.arguments import LARGEST_SEED, flag, instance, missions_of, names, one_of, path_of, whole
 from ..base.files import whole_file
-from ..policies import POLICIES
 from ..radio import DEFAULT_LINKS
 from ..scenarios import Scenario, from_json, to_json
 from .critic import ReturnScale
 from .distributed import ALONE, ProcessGroup, WorkerEnded
 from .first_targets import flown_in
 from .ppo import Aim, Hyper, Learner, check_device
-from .registry import find_method
+from .registry import make_method
 from .rollout import Collector, change_rate
 from .run_log import Log
 from .validation import Validation
 from .weights import load_weights, save_weights
 
-FORMAT = "commhg_mj training 5"
+FORMAT = "commhg_mj training 6"
 STATE, WEIGHTS, CLONED = "state.pt", "weights.safetensors", "cloned.safetensors"
+LEARNERS = {
+    "clone": "imitation of the teacher",
+    "ppo": "proximal policy optimisation (ppo.py)",
+    "rollouts": "policy improvement by simulated alternatives (improvement.py)",
+}
+TEACHERS = ("greedy", "planner")
 TRAINING_SEEDS = 10**6  # missions of training seed s begin at (1 + s) times this; evaluation stays far below
 VALIDATE_EVERY = 20  # updates
 RECENT = 100  # missions whose mean TWCR is shown
@@ -46,7 +51,10 @@ class Plan:
     missions: int = 3000  # to fly in all
     side_by_side: int = 32
     workers: int = 1  # processes, which share missions and decisions
-    first_updates: int = 6  # that imitate Greedy; given weights are kept in them, while the critic gets to know the missions
+    learner: tuple[str, ...] = ("clone", "ppo")  # of LEARNERS, one after the other
+    teacher: str = "greedy"  # whom `clone` imitates
+    plans: bool = False  # robots and operators read the planner's numbers
+    first_updates: int = 6  # of ppo's that imitate; given weights are kept in them, while the critic gets to know the missions
     init: str = ""  # weights to begin with
     hyper: Hyper = Hyper()
 
@@ -55,6 +63,9 @@ class Plan:
         instance("hyper", self.hyper, Hyper)
         for name in ("method", "links", "limitation", "init"):
             instance(name, getattr(self, name), str)
+        one_of("teacher", self.teacher, TEACHERS)
+        object.__setattr__(self, "learner", check_learner(self.learner))
+        flag("plans", self.plans)
         side_by_side = missions_of("side_by_side", self.side_by_side)
         checked = {
             "seed": check_training_seed(self.seed), "missions": whole("missions", self.missions, 1), "side_by_side": side_by_side,
@@ -66,7 +77,7 @@ class Plan:
 
 
 class Training:
-    """One run of a plan.
+    """One run of a plan that clones or learns by PPO.
 
     >>> training = Training(plan, "runs/x")
     >>> for row in training.run():
@@ -83,7 +94,7 @@ class Training:
         self.plan, self.folder, self.group = instance("plan", plan, Plan), path_of("folder", folder), group
         self.rng = np.random.default_rng([plan.seed, group.rank])
         torch.manual_seed(plan.seed)
-        self.method = find_method(plan.method)()
+        self.method = make_method(plan.method, plan.plans)
         self.cpu_before = 0.0  # that the weights to begin with had cost
         if state is not None:
             self.method.load_state_dict(state["method"])
@@ -93,7 +104,7 @@ class Training:
         first = (1 + plan.seed) * TRAINING_SEEDS + group.rank * (TRAINING_SEEDS // group.size)
         self.collector = Collector(
             self.method, flown_in(self.method, plan.scenario), first, group.share(plan.side_by_side), plan.links,
-            plan.limitation, self.rng,
+            plan.limitation, self.rng, plan.teacher,
         )  # fmt: skip
         self.updates, self.missions, self.decisions, self.cpu_seconds = 0, 0, 0, 0.0  # of the whole group
         self.validation, self.written = Validation(plan.scenario, plan.links, plan.limitation), None
@@ -113,14 +124,19 @@ class Training:
 
     @property
     def aim(self) -> Aim:
+        if self.plan.learner == ("clone",):
+            return "clone"
         if self.updates >= self.plan.first_updates:
             return "improve"
-        return "value" if self.plan.init else "clone"
+        if self.plan.init:
+            return "value"
+        return "clone" if "clone" in self.plan.learner else "improve"
 
     @property
     def has_cloned(self) -> bool:
-        """The last update was the last that imitates Greedy."""
-        return self.updates == self.plan.first_updates > 0 and not self.plan.init
+        """The last update was the last that imitates the teacher."""
+        is_last = self.updates == self.plan.first_updates > 0
+        return is_last and self.plan.learner == ("clone", "ppo") and not self.plan.init
 
     def run(self, cpu_seconds: float = float("inf")) -> Iterator[dict]:
         """What happened in each update until the run is done, or has cost so much; all that is told is saved."""
@@ -138,10 +154,10 @@ class Training:
           FloatingPointError: a number is none; what was saved before stays as it is.
         """
         start, hyper, collector, aim = time.process_time(), self.plan.hyper, self.collector, self.aim
-        teacher = POLICIES["greedy"].make(collector.batch) if aim == "clone" else None
         self.learner.set_rate(1.0 - self.missions / self.plan.missions, aim)
         data = collector.collect(
-            self.group.share(hyper.decisions), self.method.critic, self.method.scale, hyper.gamma, hyper.lam, hyper.trace, teacher
+            self.group.share(hyper.decisions), self.method.critic, self.method.scale, hyper.gamma, hyper.lam, hyper.trace,
+            aim == "clone",
         )  # fmt: skip
         stats = self.learner.update(data, self.rng, aim)
         wrong = ", ".join(f"{name} is {value}" for name, value in stats.items() if not np.isfinite(value))
@@ -228,6 +244,20 @@ def _naming(path):
         raise ValueError(f"{path} is damaged or no training ({type(error).__name__})") from error
 
 
+def check_learner(learner) -> tuple[str, ...]:
+    """Learners by name, each at most once and `clone` first.
+
+    Raises:
+      ValueError: it is not so.
+    """
+    found = tuple(names("learner", learner))
+    for name in found:
+        one_of("learner", name, list(LEARNERS))
+    if "clone" in found[1:]:
+        raise ValueError(f"learner: clone comes first, not in {','.join(found)}: what was learned before it would be lost")
+    return found
+
+
 def check_training_seed(seed: int) -> int:
     """The seed as an int; ValueError unless the missions of a training with it have seeds themselves."""
     return whole("seed of a training", seed, 0, LARGEST_SEED // TRAINING_SEEDS - 2)
@@ -242,6 +272,8 @@ def begin_with(method, path) -> float:
     other, facts = load_weights(path)
     if other.name != method.name:
         raise ValueError(f"init: {path} holds {other.name}, not {method.name}")
+    if (other.plan is None) != (method.plan is None):
+        raise ValueError(f"init: {path} was trained {'without' if other.plan is None else 'with'} --plans")
     method.load_state_dict(other.state_dict())
     method.scale = ReturnScale()  # other missions may pay otherwise
     return facts.get("cpu_seconds", 0) + facts.get("cpu_seconds_before", 0)

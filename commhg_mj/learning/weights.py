@@ -9,29 +9,36 @@ from safetensors.torch import save
 from ..base.arguments import path_of
 from ..base.files import whole_file
 from .features import GROUPS
-from .registry import Method, find_method
+from .registry import Method, make_method
 
-FORMAT = "commhg_mj weights 3"  # counts on with the rules that weights are trained under
-SCHEMA = json.dumps({group.title: group.names for group in GROUPS})  # what each column was
+FORMAT = "commhg_mj weights 4"  # counts on with the rules that weights are trained under
+OF_CRITIC = "critic.", "scale."  # what its tensors' names begin with; nothing in flight needs them
+SCHEMA = {group.title: group.names for group in GROUPS}  # what each column is
 
 
-def save_weights(method, path, facts: dict) -> None:
+def save_weights(method, path, facts: dict, with_critic=True) -> None:
     """Write a method's weights with facts about their training, whole or not at all."""
-    tensors = {name: tensor.contiguous() for name, tensor in method.state_dict().items()}
-    metadata = {"format": FORMAT, "method": method.name, "schema": SCHEMA, "facts": json.dumps(facts)}
+    kept = {
+        name: tensor.contiguous() for name, tensor in method.state_dict().items() if with_critic or not name.startswith(OF_CRITIC)
+    }
+    schema = {title: names for title, names in SCHEMA.items() if with_critic or not title.startswith("state: ")}
+    metadata = {
+        "format": FORMAT, "method": method.name, "plans": json.dumps(method.plan is not None), "schema": json.dumps(schema),
+        "facts": json.dumps(facts),
+    }  # fmt: skip
     with whole_file(path) as draft:
-        draft.write_bytes(save(tensors, metadata))  # its own writer lets nobody else read the file
+        draft.write_bytes(save(kept, metadata))  # its own writer lets nobody else read the file
 
 
-def _facts(path, text) -> dict:
-    """What the file says of the training."""
+def _object(path, text, what) -> dict:
+    """A JSON object of the file's."""
     try:
-        facts = json.loads(text)
+        found = json.loads(text)
     except ValueError:
-        facts = None
-    if not isinstance(facts, dict):
-        raise ValueError(f"{path}: its facts are no JSON object")
-    return facts
+        found = None
+    if not isinstance(found, dict):
+        raise ValueError(f"{path}: {what} are no JSON object")
+    return found
 
 
 def load_weights(path) -> tuple[Method, dict]:
@@ -49,17 +56,20 @@ def load_weights(path) -> tuple[Method, dict]:
         raise ValueError(f"weights {path}: {str(error).splitlines()[0]}") from None
     if metadata.get("format") != FORMAT:
         raise ValueError(f"{path} holds no weights of this version and its rules ({FORMAT}), but {metadata.get('format')}")
-    if metadata.get("schema") != SCHEMA:
+    schema = _object(path, metadata.get("schema", ""), "its columns")
+    if not schema or any(SCHEMA.get(title) != names for title, names in schema.items()):
         raise ValueError(f"{path} was trained with other features than this version has")
     try:
         with torch.random.fork_rng(devices=[]):  # what a network begins with is drawn, and replaced at once
-            method = find_method(metadata.get("method"))()
+            method = make_method(metadata.get("method"), metadata.get("plans") == "true")
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
-    facts = _facts(path, metadata.get("facts", ""))
+    facts = _object(path, metadata.get("facts", ""), "its facts")
     for name, tensor in tensors.items():
         if not torch.isfinite(tensor).all():
             raise ValueError(f"weights {path}: {name} holds a number that is not finite")
+    if not any(name.startswith(OF_CRITIC) for name in tensors):  # published without; training on begins with a new one
+        tensors |= {name: tensor for name, tensor in method.state_dict().items() if name.startswith(OF_CRITIC)}
     try:
         method.load_state_dict(tensors)
     except RuntimeError as error:

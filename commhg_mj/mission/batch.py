@@ -116,13 +116,13 @@ class MissionBatch:
         radio_rules(self.scenario, links, limitation)  # refuses both by name before any world is made
         ensure_compiled()
         self.worlds: list[World] = [make_world(self.scenario, seed) for seed in self.seeds]
-        self._grounds = [ground_of(world, links) for world in self.worlds]
+        self.grounds = [ground_of(world, links) for world in self.worlds]
         self.reset()
 
     def __setstate__(self, attributes):
         """A copy or an unpickled batch has arrays of its own: its missions must find those."""
         self.__dict__.update(attributes)
-        self._grounds = [ground_of(world, self.links) for world in self.worlds]
+        self.grounds = [ground_of(world, self.links) for world in self.worlds]
         self._wire()
 
     def restore(self, arrays: dict) -> Observations:
@@ -135,7 +135,7 @@ class MissionBatch:
 
     def _wire(self):
         self.state.missions["rules"]["radio"]["share_at"] = OWN_MODELS.get(self.links, 0)  # in this process
-        for e, ground in enumerate(self._grounds):
+        for e, ground in enumerate(self.grounds):
             wire(self.state, self.log, e, ground)
 
     def reset(self) -> Observations:
@@ -163,8 +163,8 @@ class MissionBatch:
         fresh = MissionBatch(self.scenario, [seed], self.links, self.limitation, self.record)
         for mine, new in zip((*self.state, *self.log), (*fresh.state, *fresh.log)):
             mine[e] = new[0]
-        self.seeds[e], self.worlds[e], self._grounds[e] = fresh.seeds[0], fresh.worlds[0], fresh._grounds[0]
-        wire(self.state, self.log, e, self._grounds[e])
+        self.seeds[e], self.worlds[e], self.grounds[e] = fresh.seeds[0], fresh.worlds[0], fresh.grounds[0]
+        wire(self.state, self.log, e, self.grounds[e])
         self._is_new[e] = True
 
     def step(self, decisions: Decisions, seconds: int = 0) -> Observations:

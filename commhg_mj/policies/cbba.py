@@ -108,7 +108,7 @@ def bid_and_tell(rules, auction, found, observations, decisions):
             decisions.task[i] = KEEP
         else:
             decisions.task[i] = first if first != NOBODY else IDLE
-    persist(rules, observations, decisions)
+    persist(rules, observations, decisions.operator)
     follow_schedule(observations, decisions, False)
     for i in range(observations.robots.shape[0]):
         robot = observations.robots[i]

@@ -68,12 +68,14 @@ class Desk(NamedTuple):
     """Scratch of one decision."""
 
     tasks: np.ndarray  # [T] open ones, a column of the assignment each
+    members: np.ndarray  # [R] robots, a row of it each: first the one that decides, then the peers that it knows
     assignment: Assignment
 
 
 def new_desk(scenario) -> Desk:
     """Room for the decisions of any robot of a scenario."""
-    return Desk(np.zeros(scenario.n_tasks, np.int64), new_assignment(scenario.n_robots, scenario.n_tasks))
+    t, r = scenario.n_tasks, scenario.n_robots
+    return Desk(np.zeros(t, np.int64), np.zeros(r, np.int64), new_assignment(r, t))
 
 
 class Memory(NamedTuple):
@@ -111,6 +113,13 @@ def decide(rules, plan, desk, memory, observations, decisions):
       rules: [1] RULES.
       memory: brought up to date.
     """
+    choose(rules, plan, desk, memory, observations, decisions)
+    talk(plan, memory, observations, decisions)
+
+
+@kernel
+def choose(rules, plan, desk, memory, observations, decisions):
+    """Robots' tasks and operators' robots."""
     for i in range(observations.robots.shape[0]):
         robot = observations.robots[i]
         taken = memory.taken[robot.mission, robot.robot]
@@ -118,9 +127,14 @@ def decide(rules, plan, desk, memory, observations, decisions):
             remember(robot, observations.robot_tasks[i], taken)
         decisions.task[i] = KEEP if is_settled(robot) else choose_task(rules[0], plan, desk, taken, observations, i)
     if plan.persists:
-        persist(rules, observations, decisions)
+        persist(rules, observations, decisions.operator)
     else:
         choose_robots(rules, observations, decisions)
+
+
+@kernel
+def talk(plan, memory, observations, decisions):
+    """What all say and ask whose choices are made."""
     follow_schedule(observations, decisions, plan.asks)
     if plan.speaks_up:
         tell_changes(memory.told, observations, decisions)
@@ -154,38 +168,69 @@ def tell_changes(told, observations, decisions):
     """A plan that nobody was told of is broadcast at once: what peers assume of a robot is what it told last."""
     for i in range(observations.robots.shape[0]):
         robot = observations.robots[i]
-        e, r, plan = robot.mission, robot.robot, robot.task if decisions.task[i] == KEEP else decisions.task[i]
+        is_news = robot.time == 0.0 or told[robot.mission, robot.robot] != own_plan(robot, decisions.task[i])
+        decisions.broadcast[i] = robot.can_broadcast and (is_news or robot.since_broadcast >= PERIOD)
+    note_told(told, observations, decisions)
+
+
+@kernel
+def note_told(told, observations, decisions):
+    """Bring up to date what each robot has told last."""
+    for i in range(observations.robots.shape[0]):
+        robot = observations.robots[i]
         if robot.time == 0.0:
-            told[e, r] = UNTOLD
-        decisions.broadcast[i] = robot.can_broadcast and (told[e, r] != plan or robot.since_broadcast >= PERIOD)
+            told[robot.mission, robot.robot] = UNTOLD
         if decisions.broadcast[i]:
-            told[e, r] = plan
+            told[robot.mission, robot.robot] = own_plan(robot, decisions.task[i])
+
+
+@kernel
+def own_plan(robot, choice):
+    """The task that a robot has after its choice, or IDLE."""
+    return robot.task if choice == KEEP else choice
 
 
 @kernel
 def choose_task(rules, plan, desk, taken, observations, i):
     """KEEP, IDLE or the task that falls to robot row i."""
+    robot, tasks = observations.robots[i], observations.robot_tasks[i]
+    n_open, rows = rate_team(rules, plan, desk, taken, observations, i)
+    best, choice = 0.0, IDLE
+    if plan.assigns:
+        assign(desk.assignment, rows, n_open)
+        choice = own_part(desk)
+    else:
+        for column in range(n_open):
+            task, worth = tasks[desk.tasks[column]], desk.assignment.worth[0, column]
+            is_claimed = task.claimed_by != NOBODY and task.claim_age < CLAIM_TRUST
+            if worth > best and not is_claimed:
+                best, choice = worth, desk.tasks[column]
+    return KEEP if choice == robot.task else choice
+
+
+@kernel
+def rate_team(rules, plan, desk, taken, observations, i):
+    """Fill the desk with what robot row i thinks open tasks are worth to it and to peers; returns how many (tasks, robots)."""
     robot, tasks, peers = observations.robots[i], observations.robot_tasks[i], observations.robot_peers[i]
     n_open = list_open(tasks, desk.tasks)
     backlog = expected_wait(rules, n_open, peers.shape[0])
     worth, rows = desk.assignment.worth, 1
     rate_own(rules, plan, robot, tasks, taken, desk.tasks[:n_open], backlog, worth[0])
-    best, choice = 0.0, IDLE
+    desk.members[0] = robot.robot
     if plan.assigns:
         for k in range(peers.shape[0]):
             if k != robot.robot and peers[k].age >= 0.0 and peers[k].activity != FAILED:
                 rate_peer(rules, plan, robot.time, peers[k], tasks, desk.tasks[:n_open], backlog, worth[rows])
+                desk.members[rows] = k
                 rows += 1
-        assign(desk.assignment, rows, n_open)
-        if desk.assignment.column_of[1] > 0:
-            choice = desk.tasks[desk.assignment.column_of[1] - 1]
-    else:
-        for column in range(n_open):
-            task = tasks[desk.tasks[column]]
-            is_claimed = task.claimed_by != NOBODY and task.claim_age < CLAIM_TRUST
-            if worth[0, column] > best and not is_claimed:
-                best, choice = worth[0, column], desk.tasks[column]
-    return KEEP if choice == robot.task else choice
+    return n_open, rows
+
+
+@kernel
+def own_part(desk):
+    """The task that the assignment on the desk gives to the robot that decides, or IDLE."""
+    column = desk.assignment.column_of[1]
+    return desk.tasks[column - 1] if column > 0 else IDLE
 
 
 @kernel

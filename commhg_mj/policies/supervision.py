@@ -11,14 +11,14 @@ HOLD = 2.0  # the gain of the robot that is held counts this many times: a hando
 
 
 @kernel
-def persist(rules, observations, decisions):
-    """Keep a robot until its task is done, whatever becomes of the gain; then the robot that gains most."""
+def persist(rules, observations, choices):
+    """Keep a robot until its task is done, whatever becomes of the gain; then the robot that gains most. Fills in `choices`."""
     for i in range(observations.operators.shape[0]):
         operator = observations.operators[i]
         if operator.session != RESTING and not operator.exempt:
-            decisions.operator[i] = KEEP
+            choices[i] = KEEP
         else:
-            decisions.operator[i] = best_robot(rules, operator, observations.operator_reports[i])
+            choices[i] = best_robot(rules, operator, observations.operator_reports[i])
 
 
 @kernel

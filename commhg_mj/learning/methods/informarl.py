@@ -202,6 +202,7 @@ class GraphCritic(nn.Module):
 class InforMARL(Method):
     """Entity graphs, no ages."""
 
+    may_read_plans = False
     about = About(
         source="Nayak et al., InforMARL, ICML 2023; github.com/nsidn98/InforMARL at 7d3c42a",
         reads="own state; near peers, tasks; reports; neither ages nor flags of knowledge nor who has room",

@@ -1,0 +1,110 @@
+"""Policy improvement by simulated alternatives: gather points, then learn what each alternative was worth beside the others.
+
+Rollout classification policy iteration (Lagoudakis and Parr 2003) by regression. A run is a folder, and goes on to the same bits
+after any interruption: blocks of points are files, and the fit begins anew.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ..base.terms import KEEP
+from .batches import legal_picks, operator_batch, pick_robots, robot_batch
+from .heads import RobotChoices, RobotLogits, judge_apart, judge_operators, tensors_of
+from .points import NOT_TRIED, Points, shifted
+
+UNIT = 0.06  # mean tasks that a logit stands for
+EPOCHS, MINIBATCH, RATE, LAST_RATE = 8, 512, 2e-3, 0.05  # the rate falls to that share of it
+DECAY = 0.01  # of weights
+TRUST = 0.5, 0.5  # see PlanReader
+IMITATION = 0.3  # weight of what is imitated beside what is judged
+
+
+class Fit:
+    """Learning from points.
+
+    Args:
+      method: learns.
+    """
+
+    def __init__(self, method, points: Points, rng):
+        self.method, self.points, self.rng = method, points, rng
+        self.optimizer = torch.optim.AdamW(actors_of(method), lr=RATE, weight_decay=DECAY)
+        self.targets = [centred(worth / UNIT, ~np.isnan(worth)) for worth in (points.worth, points.worth_picks)]
+        self.spread = [max(1e-6, float(np.mean(target[~np.isnan(target)] ** 2))) for target in self.targets]
+
+    def run(self) -> Iterator[dict]:
+        """Losses of each epoch, the last of which leaves the method fitted."""
+        n, k = len(self.points.tried), len(self.points.tried_picks)
+        n_steps = max(1, n // MINIBATCH)
+        for epoch in range(EPOCHS):
+            robots, operators = self.rng.permutation(n), self.rng.permutation(k)
+            parts = zip(np.array_split(robots, n_steps), np.array_split(operators, n_steps))
+            losses = []
+            for step, rows in enumerate(parts):
+                share = 1.0 - (epoch + step / n_steps) / EPOCHS
+                for group in self.optimizer.param_groups:
+                    group["lr"] = RATE * max(LAST_RATE, share)
+                losses.append(self._step(*map(np.sort, rows)))
+            yield dict(zip(("task_loss", "pick_loss", "imitation"), np.mean(losses, axis=0).tolist()))
+        if self.method.plan is not None:
+            self.method.plan.trust[:] = torch.tensor(TRUST)
+
+    def _step(self, robots, operators):
+        judged, imitated = zip(self._robots(robots), self._operators(operators))
+        loss = sum(judged) + IMITATION * sum(imitated)
+        self.optimizer.zero_grad()
+        loss.backward()
+        torch.nn.utils.clip_grad_norm_(actors_of(self.method), 1.0)
+        self.optimizer.step()
+        return [*(part.item() for part in judged), sum(imitated).item()]
+
+    def _robots(self, rows):
+        """(loss of alternatives' scores, of what is imitated) of some robots' decisions."""
+        points = self.points
+        graphs, shift = pick_robots(points.robots, rows)
+        worlds, index = np.unique(graphs.mission, return_inverse=True)
+        batch = robot_batch(graphs._replace(mission=index), points.public.shape[1])
+        logits = self.method.robot_logits(batch, torch.from_numpy(points.public[worlds].reshape(-1, points.public.shape[2])))
+        task, *others = (column[rows] for column in points.taught)
+        choices = tensors_of(RobotChoices(shifted(task, shift), *others))
+        scores = scores_of(logits, torch.from_numpy(shifted(points.tried[rows], shift[:, None])))
+        judged = regression(scores, torch.from_numpy(self.targets[0][rows])) / self.spread[0]
+        task, talk = judge_apart(logits, batch, choices)
+        is_imitated = torch.from_numpy(points.tried[rows, 0] == NOT_TRIED)
+        return judged, -(task.log_prob * is_imitated + talk.log_prob).mean()
+
+    def _operators(self, rows):
+        points = self.points
+        batch = operator_batch(points.operators, rows)
+        logits, picks = self.method.operator_logits(batch), torch.from_numpy(points.tried_picks[rows])
+        judged = regression(logits.gather(1, picks.clamp(min=0)), torch.from_numpy(self.targets[1][rows])) / self.spread[1]
+        likelihood = judge_operators(logits, legal_picks(batch), torch.from_numpy(points.taught_picks[rows]))
+        return judged, -(likelihood.log_prob * (picks[:, 0] == NOT_TRIED)).mean()
+
+
+def actors_of(method) -> list:
+    """The parameters that decide; not the critic's."""
+    return [parameter for name, parameter in method.named_parameters() if not name.startswith("critic.")]
+
+
+def centred(worth: np.ndarray, is_there: np.ndarray) -> np.ndarray:
+    """[N, C] f4 worths less their row's mean; nan where there is none."""
+    count = np.maximum(1, is_there.sum(axis=1, keepdims=True))
+    return (worth - np.where(is_there, worth, 0.0).sum(axis=1, keepdims=True) / count).astype(np.float32)
+
+
+def scores_of(logits: RobotLogits, edges: Tensor) -> Tensor:
+    """[N, C] logits of edges, KEEP and IDLE [N, C]."""
+    fixed = torch.where(edges == KEEP, logits.keep_idle[:, :1], logits.keep_idle[:, 1:])
+    return torch.where(edges >= 0, logits.task[edges.clamp(min=0)], fixed)
+
+
+def regression(scores: Tensor, targets: Tensor) -> Tensor:
+    """Mean square of what centred scores [N, C] are off their targets, where there are any."""
+    is_there = ~targets.isnan()
+    count = is_there.sum(dim=1, keepdim=True).clamp(min=1)
+    off = scores - (scores * is_there).sum(dim=1, keepdim=True) / count - targets.nan_to_num()
+    return (off**2 * is_there).sum() / is_there.sum().clamp(min=1)

@@ -1,0 +1,198 @@
+"""Points to learn from: what actors knew when they chose, and what their alternatives turned out to be worth, simulated.
+
+Points of a block of missions depend on the plan and the block's number alone, so that a run can stop and go on between blocks.
+"""
+
+import zipfile
+from typing import NamedTuple
+
+import numpy as np
+
+from ..base.files import whole_file
+from ..base.terms import KEEP, REST, Session
+from ..mission.batch import MissionBatch, stay
+from ..mission.observe import Observations
+from ..policies.alternatives import OPERATOR, ROBOT, Alternatives, list_candidates
+from ..policies.planner import WHOLE, choose, is_settled, new_desk, new_memory, talk
+from .batches import join_operators, join_robots, pick_robots
+from .features import REPORT
+from .graphs import GraphBuilder, OperatorGraphs, RobotGraphs
+from .heads import RobotChoices
+from .rollout import edges_of, from_decisions, join_choices, picks_of
+
+N_TRIED = 4  # robots' alternatives: the planner's pick, the two that cost the team least, and another, so that all are judged
+N_PICKED = 5  # operators' alternatives: the planner's pick, KEEP, REST and the robots that gain most
+N_SEEDS = 3  # flights of each
+NOT_TRIED = -9
+# Shares of decisions that become points: whoever has no task or robot decides, whoever has one mostly keeps it.
+FREE, BUSY, IMITATED = 0.6, 0.15, 0.1
+OPERATOR_FREE, OPERATOR_BUSY = 0.7, 0.06
+EXPLORED = 0.1  # share of points at which one of the alternatives is flown in place of the planner's pick
+LUCK = 1 << 40, 1 << 50  # seeds of flights; no mission has one of them
+GAIN = REPORT.index("gain")
+
+
+class Points(NamedTuple):
+    """Decisions of N robots and K operators; alternatives of a row in order, the planner's pick first, NOT_TRIED: none."""
+
+    robots: RobotGraphs  # `mission` is the row of `public`
+    operators: OperatorGraphs
+    public: np.ndarray  # [worlds, T, PUBLIC.width]
+    taught: RobotChoices  # the planner's
+    taught_picks: np.ndarray  # [K] i8 likewise
+    tried: np.ndarray  # [N, N_TRIED] i8 edge, KEEP or IDLE
+    worth: np.ndarray  # [N, N_TRIED] f4 mean TWCR, times the number of tasks
+    tried_picks: np.ndarray  # [K, N_PICKED] i8 columns of operators' logits
+    worth_picks: np.ndarray  # [K, N_PICKED] f4
+
+    @property
+    def n_judged(self) -> int:
+        """Decisions whose alternatives were judged."""
+        return int(np.sum(self.tried[:, 0] != NOT_TRIED) + np.sum(self.tried_picks[:, 0] != NOT_TRIED))
+
+
+class Gatherer:
+    """Flies missions by the planner and judges alternatives on the way."""
+
+    def __init__(self, plan, wants, first_seed: int, rng):
+        self.batch = MissionBatch(plan.scenario, range(first_seed, first_seed + plan.side_by_side), plan.links, plan.limitation)
+        scenario, n = self.batch.scenario, plan.side_by_side
+        self.builder, self.rng = GraphBuilder(self.batch, wants), rng
+        self.public = self.builder.public(self.batch.state.tasks)
+        self.desk, self.memory = new_desk(scenario), new_memory(n, scenario)
+        self.alternatives = Alternatives(self.batch, N_SEEDS * max(N_TRIED, N_PICKED))
+        self.found, self.n_tasks = np.zeros(scenario.n_tasks + 1, np.int64), scenario.n_tasks
+
+    def gather(self) -> Points:
+        """The points of all its missions, flown to their ends."""
+        steps, batch = [], self.batch
+        while not batch.over.all():
+            seen = batch.observations
+            graphs, operators = self.builder.robots(seen), self.builder.operators(seen)
+            decisions = stay(seen)
+            choose(batch.rules, WHOLE, self.desk, self.memory, seen, decisions)
+            flown = decisions._replace(task=decisions.task.copy(), operator=decisions.operator.copy())
+            tried, worth = self._try_robots(seen, decisions, flown)
+            picks, worth_picks = self._try_operators(seen, operators, decisions, flown)
+            before = self.memory.told.copy()
+            talk(WHOLE, self.memory, seen, decisions)
+            self.memory.told[:] = before
+            talk(WHOLE, self.memory, seen, flown)
+            self.builder.note(seen, flown)
+            kept = (tried[:, 0] != NOT_TRIED) | (self.rng.random(len(tried)) < IMITATED)
+            kept_picks = (picks[:, 0] != NOT_TRIED) | (self.rng.random(len(picks)) < IMITATED)
+            steps.append(_cut(graphs, operators, decisions, (tried, worth, kept), (picks, worth_picks, kept_picks)))
+            batch.step_legal(flown)
+        return _join(steps, self.public)
+
+    def _try_robots(self, seen: Observations, decisions, flown):
+        """([n, N_TRIED] tasks or IDLE, their worths) of some who are due; `flown` may get another than the planner's."""
+        n = len(seen.robots)
+        tried, worth = np.full((n, N_TRIED), NOT_TRIED), np.full((n, N_TRIED), np.nan, np.float32)
+        for i, robot in enumerate(seen.robots):
+            share = FREE if robot["task"] < 0 else BUSY
+            if self.rng.random() >= share or robot["stand_left"] > 0.0 or is_settled(robot):
+                continue
+            n_found = list_candidates(self.batch.rules, self.desk, self.memory, seen, i, self.found)
+            choices = self.found[:n_found].copy()
+            if n_found > N_TRIED:
+                choices[N_TRIED - 1] = choices[self.rng.integers(N_TRIED - 1, n_found)]
+            choices = choices[:N_TRIED]
+            if len(choices) > 1:
+                tried[i, : len(choices)] = choices
+                worth[i, : len(choices)] = self._judge(robot, ROBOT, robot["robot"], choices)
+                if self.rng.random() < EXPLORED:
+                    choice = self.rng.choice(choices)
+                    flown.task[i] = KEEP if choice == robot["task"] else choice
+        return tried, worth
+
+    def _try_operators(self, seen: Observations, graphs, decisions, flown):
+        """([k, N_PICKED] choices, their worths) of some operators who are due."""
+        k = len(seen.operators)
+        tried, worth = np.full((k, N_PICKED), NOT_TRIED), np.full((k, N_PICKED), np.nan, np.float32)
+        for i, operator in enumerate(seen.operators):
+            is_busy = operator["session"] != Session.REST and not operator["exempt"]
+            if self.rng.random() >= (OPERATOR_BUSY if is_busy else OPERATOR_FREE):
+                continue
+            robots = np.flatnonzero(graphs.legal[i])
+            best = robots[np.argsort(-graphs.report[i, robots, GAIN], kind="stable")]
+            options = [decisions.operator[i], *[KEEP] * bool(operator["can_keep"]), REST, *best]
+            choices = list(dict.fromkeys(map(int, options)))[:N_PICKED]
+            if len(choices) > 1:
+                tried[i, : len(choices)] = choices
+                worth[i, : len(choices)] = self._judge(operator, OPERATOR, operator["operator"], choices)
+                if self.rng.random() < EXPLORED:
+                    flown.operator[i] = self.rng.choice(choices)
+        return tried, worth
+
+    def _judge(self, actor, role, number, choices):
+        seeds = self.rng.integers(*LUCK, N_SEEDS)
+        twcr, _ = self.alternatives.judge(int(actor["mission"]), self.memory, role, int(number), choices, seeds)
+        return self.n_tasks * twcr.mean(axis=1)
+
+
+def _cut(graphs, operators, decisions, tried, picked):
+    """The rows of one step that are kept, in the order of `Points`."""
+    (tasks, worth, kept), (picks, worth_picks, kept_picks) = tried, picked
+    taught, taught_picks = from_decisions(graphs, operators, decisions)
+    edges, rows = edges_of(graphs, tasks), np.flatnonzero(kept)
+    robots, shift = pick_robots(graphs, rows)
+    task, *others = (column[rows] for column in taught)
+    return (
+        robots, OperatorGraphs(*(column[kept_picks] for column in operators)),
+        RobotChoices(shifted(task, shift), *others), taught_picks[kept_picks],
+        shifted(edges[rows], shift[:, None]), worth[rows], picks_of(picks)[kept_picks], worth_picks[kept_picks],
+    )  # fmt: skip
+
+
+def _join(steps, public) -> Points:
+    robots, operators, taught, taught_picks, tried, worth, picks, worth_picks = zip(*steps)
+    starts = np.cumsum([0] + [len(part.task) for part in robots])
+    edges = [shifted(edge, start) for edge, start in zip(tried, starts)]
+    return Points(
+        join_robots(robots), join_operators(operators), public, join_choices(robots, taught), np.concatenate(taught_picks),
+        *map(np.concatenate, (edges, worth, picks, worth_picks)),
+    )  # fmt: skip
+
+
+def shifted(edges: np.ndarray, by) -> np.ndarray:
+    """Choices whose edges have other numbers now."""
+    return np.where(edges >= 0, edges + by, edges)
+
+
+def join_points(parts: list[Points]) -> Points:
+    """The points of several blocks, one after the other."""
+    worlds = np.cumsum([0] + [len(part.public) for part in parts])
+    moved = [part.robots._replace(mission=part.robots.mission + start) for part, start in zip(parts, worlds)]
+    steps = [(robots, part.operators, *part[3:]) for robots, part in zip(moved, parts)]
+    return _join(steps, np.concatenate([part.public for part in parts]))
+
+
+def save_points(points: Points, path, facts: dict) -> None:
+    """Write points and numbers about them, whole or not at all."""
+    arrays = {}
+    for name, value in points._asdict().items():
+        arrays |= {f"{name}.{field}": column for field, column in value._asdict().items()} if hasattr(value, "_fields") else {
+            name: value
+        }
+    with whole_file(path) as draft, open(draft, "wb") as file:
+        np.savez(file, **arrays, **{f"facts.{name}": value for name, value in facts.items()})
+
+
+def load_points(path) -> tuple[Points, dict]:
+    """(points, facts) of a file that `save_points` wrote.
+
+    Raises:
+      ValueError: it is damaged; the message names it.
+    """
+    parts = {"robots": RobotGraphs, "operators": OperatorGraphs, "taught": RobotChoices}
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            arrays = {name: file[name] for name in file.files}
+        columns = {
+            name: parts[name](*(arrays[f"{name}.{field}"] for field in parts[name]._fields)) if name in parts else arrays[name]
+            for name in Points._fields
+        }
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+        raise ValueError(f"{path} is damaged, or holds no points of this version ({type(error).__name__})") from None
+    return Points(**columns), {name[6:]: value.item() for name, value in arrays.items() if name.startswith("facts.")}

@@ -1,0 +1,152 @@
+"""What a choice would be worth: missions flown on from one true state, once for each alternative, with the same luck for all.
+
+A multiagent rollout (Bertsekas 2020): whoever else decides, and the chooser afterwards, follows the planner. It reads the true
+state and is for learning alone; the luck is new, never the mission's own.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..base.kernels import kernel
+from ..base.terms import KEEP, NOBODY, REST
+from ..mission.batch import MissionBatch, advance_and_observe
+from ..mission.decide import Decisions, apply_decisions, new_masks
+from ..mission.observe import new_observations
+from ..mission.recorder import Log, new_log
+from ..mission.score import twcr
+from ..mission.state import State, new_state, wire
+from .assignment import assign
+from .planner import WHOLE, Memory, choose, new_desk, new_memory, own_part, rate_team, talk
+from .whole_missions import first_masks, first_rows
+
+ROBOT, OPERATOR = 0, 1  # roles
+OF_STATE = [f"{name}_at" for name in State._fields if name != "missions"] + [f"log_{name}_at" for name in Log._fields]
+REST_SECONDS = 20.0  # that a tried REST lasts: one second of it would change nothing
+
+
+class Tried(NamedTuple):
+    """One alternative: an actor's choice, which it holds while it can."""
+
+    role: int
+    actor: int
+    choice: int  # of a robot: a task or IDLE; of an operator: KEEP, REST or a robot
+    begins: int  # s
+
+
+class Alternatives:
+    """Room to fly on from any state of a batch of missions by the planner.
+
+    Args:
+      n: missions that fly on from one state, at most.
+    """
+
+    def __init__(self, batch: MissionBatch, n: int):
+        scenario = batch.scenario
+        self.batch, self.n = batch, n
+        self.state, self.log = new_state(n, scenario), new_log(n, scenario, False)
+        for k in range(n):
+            wire(self.state, self.log, k, batch.grounds[0])
+        self.addresses = self.state.missions[OF_STATE].copy()
+        self.memory, self.desk = new_memory(n, scenario), new_desk(scenario)
+        self.seen, self.masks = new_observations(1, scenario), new_masks(1, scenario)
+        r, h = scenario.n_robots, scenario.n_operators
+        self.decisions = Decisions(
+            np.zeros(r, np.int32), np.zeros(r, bool), np.full(r, NOBODY, np.int32), np.zeros(r, bool), np.zeros(h, np.int32)
+        )
+
+    def judge(self, e: int, memory: Memory, role: int, actor: int, choices, seeds) -> tuple[np.ndarray, np.ndarray]:
+        """(TWCR at the end, reward from now on) [choices, seeds] of the due actor's alternatives in mission e of the batch.
+
+        Args:
+          memory: the planner's, as it was before this second's decisions.
+          seeds: one a repetition; they decide packet fates, services and failures from now on.
+        """
+        n_choices, n_seeds = len(choices), len(seeds)
+        n = n_choices * n_seeds
+        for mine, theirs in ((self.state, self.batch.state), (self.memory, memory)):
+            for copies, original in zip(mine, theirs):
+                copies[:n] = original[e]
+        missions = self.state.missions[:n]
+        missions[OF_STATE] = self.addresses[:n]  # the world's stay the original's
+        missions["seed"] = np.tile(np.asarray(seeds, np.uint64), n_choices)
+        before = missions["reward"].sum(axis=1)
+        fly_all_on(
+            missions, self.batch.rules, self.desk, self.memory, self.seen, self.masks, self.decisions, role, actor,
+            np.repeat(np.asarray(choices, np.int64), n_seeds),
+        )  # fmt: skip
+        tasks = self.state.tasks[:n]
+        timely = [twcr(row["value"], row["deadline"], row["decay"], row["done_at"]) for row in tasks]
+        shape = n_choices, n_seeds
+        return np.reshape(timely, shape), (missions["reward"].sum(axis=1) - before).reshape(shape)
+
+
+@kernel
+def fly_all_on(missions, rules, desk, memory, seen, masks, decisions, role, actor, choices):
+    """Fly each mission on with one choice of the same actor."""
+    for k in range(missions.shape[0]):
+        told, taken = memory.told[k : k + 1], memory.taken[k : k + 1]
+        tried = Tried(role, actor, choices[k], missions[k].now)
+        fly_on(missions[k : k + 1], rules, desk, Memory(told, taken), seen, masks, decisions, tried)
+
+
+@kernel
+def fly_on(one, rules, desk, memory, seen, masks, decisions, tried):
+    """Fly one mission to its end by the planner, but for what is tried."""
+    at_once, earned, is_held = np.zeros(1, np.int64), np.zeros((1, 2)), True
+    while not one[0].over:
+        i, k = advance_and_observe(one, at_once, 1.0, earned, seen, masks)
+        due = first_rows(seen, i, k)
+        chosen = Decisions(
+            decisions.task[:i], decisions.broadcast[:i], decisions.query[:i], decisions.assist[:i], decisions.operator[:k]
+        )
+        choose(rules, WHOLE, desk, memory, due, chosen)
+        if is_held:
+            is_held = hold(tried, due, chosen, one[0].now == tried.begins)
+        talk(WHOLE, memory, due, chosen)
+        apply_decisions(one, first_masks(masks, i, k), chosen)
+
+
+@kernel
+def hold(tried, due, chosen, is_first):
+    """Put what is tried in the place of the planner's choice, where its actor is due; whether it goes on being held."""
+    if tried.role == ROBOT:
+        for i in range(due.robots.shape[0]):
+            robot = due.robots[i]
+            if robot.robot == tried.actor:
+                if is_first:
+                    chosen.task[i] = KEEP if tried.choice == robot.task else tried.choice
+                elif robot.can_keep and robot.task == tried.choice:
+                    chosen.task[i] = KEEP
+                else:
+                    return False
+    else:
+        for k in range(due.operators.shape[0]):
+            operator = due.operators[k]
+            if operator.operator == tried.actor:
+                if is_first:
+                    chosen.operator[k] = tried.choice
+                elif tried.choice == REST and operator.time < tried.begins + REST_SECONDS:
+                    chosen.operator[k] = REST
+                else:
+                    return False
+    return True
+
+
+@kernel
+def list_candidates(rules, desk, memory, seen, i, found):
+    """Fill in what robot row i may choose: the planner's pick, then open tasks by what the team would lose; returns how many."""
+    robot, tasks, a = seen.robots[i], seen.robot_tasks[i], desk.assignment
+    n_open, rows = rate_team(rules[0], WHOLE, desk, memory.taken[robot.mission, robot.robot], seen, i)
+    assign(a, rows, n_open)
+    found[0], costs, n = own_part(desk), np.zeros(n_open + 1), 1
+    for column in range(n_open):
+        j = desk.tasks[column]
+        if j == found[0] or not (tasks[j].legal or (j == robot.task and robot.can_keep)):
+            continue
+        cost, place = -a.worth[0, column] - a.row_price[1] - a.column_price[column + 1], n
+        while place > 1 and costs[place - 1] > cost:
+            found[place], costs[place] = found[place - 1], costs[place - 1]
+            place -= 1
+        found[place], costs[place], n = j, cost, n + 1
+    return n
