@@ -292,7 +292,6 @@ TABLE = {
     lambda v: LearnedPolicy(v, batch()): ("method", OBJECT),
     lambda v: LearnedPolicy(learned(), v): ("batch", OBJECT),
     lambda v: LearnedPolicy(learned(), batch(), variant=v): ("variant", WORD[1:]),
-    lambda v: LearnedPolicy(learned(), batch(), v): ("is_greedy", FLAG),
     lambda v: Hyper.of(v, False): ("n_robots", COUNT[:-2] + (0,)),
 }  # fmt: skip
 

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import torch
 from torch import Tensor, nn
 
-from .features import STATE_MISSION, STATE_OPERATOR, STATE_ROBOT, STATE_TASK
 from .networks import MESSAGE, NODE, linear, mlp
+from .state_features import STATE_MISSION, STATE_OPERATOR, STATE_ROBOT, STATE_TASK
 from .states import States
 
 N_PARTS = 2  # of the reward: mission, coordination

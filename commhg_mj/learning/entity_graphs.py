@@ -12,7 +12,7 @@ from torch import Tensor, nn
 from ..base.kernels import kernel
 from .networks import linear
 
-HEADS, LAYERS = 3, 3  # of attention
+ALL_DRAWN, LAYERS = 3, 3  # of attention
 REACH = 0.30  # sides: within it entities are near; the radio's nominal range
 TYPE = 4  # width of an entity type's embedding
 
@@ -45,7 +45,7 @@ class EmbedConv(nn.Module):
 class Attention(nn.Module):
     """One layer: a linear map of the agent itself, and the mean of heads that attend to near agents (Shi et al. 2021)."""
 
-    def __init__(self, width: int, heads: int = HEADS):
+    def __init__(self, width: int, heads: int = ALL_DRAWN):
         super().__init__()
         self.heads, self.width = heads, width
         self.query, self.key, self.value = (linear(width, heads * width) for _ in range(3))

@@ -16,10 +16,10 @@ from .heads import RobotChoices, RobotLogits, judge_apart, judge_operators, tens
 from .points import NOT_TRIED, Points, shifted
 
 UNIT = 0.06  # mean tasks that a logit stands for
-EPOCHS, MINIBATCH, RATE, LAST_RATE = 8, 512, 2e-3, 0.05  # the rate falls to that share of it
+EPOCHS, MINIBATCH, RATE, LAST_RATE = 6, 512, 2e-3, 0.05  # the rate falls to that share of it
 DECAY = 0.01  # of weights
-TRUST = 0.5, 0.5  # see PlanReader
-IMITATION = 0.3  # weight of what is imitated beside what is judged
+JUDGED, IMITATED = 10.0, 0.3  # weights of the losses: of what luck leaves of a judgement, little is worth learning
+TRUST = 0.75, 3.0  # see PlanReader; what operators' alternatives are worth is hardly learned
 
 
 class Fit:
@@ -54,7 +54,7 @@ class Fit:
 
     def _step(self, robots, operators):
         judged, imitated = zip(self._robots(robots), self._operators(operators))
-        loss = sum(judged) + IMITATION * sum(imitated)
+        loss = JUDGED * sum(judged) + IMITATED * sum(imitated)
         self.optimizer.zero_grad()
         loss.backward()
         torch.nn.utils.clip_grad_norm_(actors_of(self.method), 1.0)

@@ -18,7 +18,7 @@ ILLEGAL = -1e9  # a masked logit
 LEFT_OUT = -60.0  # logit of a legal option that a method does not score: it is never drawn, and nobody learns from it
 STEP = 2.0**-10  # choices are made on logits rounded to this: far above float32's errors, far below what matters
 FIXED, GATE, ASSIST, QUERY, TASKS = 0, 2, 4, 8, 64  # first components of a robot's noise
-HEADS = frozenset({"task", "broadcast", "query", "request", "operator"})
+ALL_DRAWN = frozenset({"task", "broadcast", "query", "request", "operator"})
 NONE_DRAWN = frozenset()
 
 
@@ -148,7 +148,7 @@ def _judge_switch(logit, chosen, is_open):
     return torch.where(chosen, yes, no), entropy, is_open
 
 
-def choose_robots(logits: RobotLogits, graphs, rng, drawn: frozenset = HEADS) -> RobotChoices:
+def choose_robots(logits: RobotLogits, graphs, rng, drawn: frozenset = ALL_DRAWN) -> RobotChoices:
     """Robots' choices: the best of each component, or one drawn where its head is among `drawn`.
 
     Args:
@@ -186,7 +186,7 @@ def noisy_tasks(logits: RobotLogits, graphs, rng, drawn: frozenset) -> np.ndarra
     return _coarse(logits.task) + _noise(rng, ROBOT, "task" in drawn)(rows, TASKS + graphs.task)
 
 
-def choose_operators(logits: Tensor, legal: np.ndarray, rng, drawn: frozenset = HEADS) -> np.ndarray:
+def choose_operators(logits: Tensor, legal: np.ndarray, rng, drawn: frozenset = ALL_DRAWN) -> np.ndarray:
     """Operators' choices [K] among KEEP, REST and robots: drawn, or the best."""
     return _best(logits, legal, _noise(rng, OPERATOR, "operator" in drawn), 0)
 

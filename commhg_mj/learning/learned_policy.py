@@ -11,7 +11,7 @@ from torch import nn
 from ..base.arguments import instance, one_of
 from ..mission.batch import MissionBatch
 from .graphs import GraphBuilder
-from .heads import HEADS, NONE_DRAWN
+from .heads import ALL_DRAWN, NONE_DRAWN
 from .noise import Draws
 from .rollout import Actors, unchanged
 
@@ -27,7 +27,7 @@ VARIANTS = {
     "": Variant(),
     "no-query": Variant(lambda logits: logits._replace(query=None)),  # who follows the schedule never asks by it
     "random-gates": Variant(lambda logits: logits._replace(gate=torch.zeros(len(logits.keep_idle))), frozenset({"broadcast"})),
-    "drawn": Variant(drawn=HEADS),
+    "drawn": Variant(drawn=ALL_DRAWN),
 }
 
 

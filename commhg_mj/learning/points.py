@@ -26,7 +26,7 @@ N_SEEDS = 3  # flights of each
 NOT_TRIED = -9
 # Shares of decisions that become points: whoever has no task or robot decides, whoever has one mostly keeps it.
 FREE, BUSY, IMITATED = 0.6, 0.15, 0.1
-OPERATOR_FREE, OPERATOR_BUSY = 0.7, 0.06
+OPERATOR_FREE, OPERATOR_BUSY = 0.08, 0.01
 EXPLORED = 0.1  # share of points at which one of the alternatives is flown in place of the planner's pick
 LUCK = 1 << 40, 1 << 50  # seeds of flights; no mission has one of them
 GAIN = REPORT.index("gain")

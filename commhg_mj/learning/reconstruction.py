@@ -8,8 +8,9 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from .features import PAST, STATE_ROBOT, STATE_TASK
+from .features import PAST
 from .networks import linear, mlp, pick
+from .state_features import STATE_ROBOT, STATE_TASK
 
 LATENT, HIDDEN = 16, 32
 KL_WEIGHT = 0.01

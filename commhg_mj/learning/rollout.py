@@ -16,7 +16,7 @@ from .critic import N_PARTS, Agents, Local, judge_values
 from .first_targets import assign, beginners, take_turns
 from .graphs import GraphBuilder, OperatorGraphs, RobotGraphs
 from .heads import (
-    HEADS,
+    ALL_DRAWN,
     Likelihood,
     RobotChoices,
     RobotLogits,
@@ -88,7 +88,7 @@ class Actors:
         return batch, self.change(self.method.robot_logits(batch, torch.from_numpy(public.reshape(-1, public.shape[2]))))
 
     @torch.no_grad()
-    def decide(self, seen, public, rng, drawn=HEADS, is_learning=False, teacher=None) -> Decided:
+    def decide(self, seen, public, rng, drawn=ALL_DRAWN, is_learning=False, teacher=None) -> Decided:
         """Choices of the actors, or a teacher policy's as if the actors had made them.
 
         Args:

@@ -9,8 +9,9 @@ from ..base.terms import NOBODY, Activity, Embodiment, Mode, Session, Status
 from ..mission.accessors import known_task, true_operator, true_robot, true_task
 from ..mission.batch import MissionBatch
 from ..mission.estimate import attempt
-from .features import LONG, STATE_MISSION, STATE_OPERATOR, STATE_ROBOT, STATE_TASK, columns_of
+from .features import LONG, columns_of
 from .graphs import MINUTE
+from .state_features import STATE_MISSION, STATE_OPERATOR, STATE_ROBOT, STATE_TASK
 
 UGV, FAILED, SERVICED, DONE = int(Embodiment.UGV), int(Activity.FAILED), int(Status.SERVICED), int(Status.DONE)
 TRAVELLING, SERVICING = int(Activity.TRAVELLING), int(Activity.SERVICING)

@@ -8,12 +8,12 @@ from safetensors.torch import save
 
 from ..base.arguments import path_of
 from ..base.files import whole_file
-from .features import GROUPS
 from .registry import Method, make_method
+from .state_features import ALL_GROUPS
 
 FORMAT = "commhg_mj weights 4"  # counts on with the rules that weights are trained under
 OF_CRITIC = "critic.", "scale."  # what its tensors' names begin with; nothing in flight needs them
-SCHEMA = {group.title: group.names for group in GROUPS}  # what each column is
+SCHEMA = {group.title: group.names for group in ALL_GROUPS}  # what each column is
 
 
 def save_weights(method, path, facts: dict, with_critic=True) -> None:

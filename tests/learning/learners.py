@@ -7,25 +7,14 @@ import pytest
 import torch
 from strategies import change
 
+from commhg_mj.base.terms import KEEP
 from commhg_mj.learning.distributed import ALONE
-from commhg_mj.learning.features import (
-    OPERATOR,
-    PAST,
-    PEER,
-    PUBLIC,
-    REPORT,
-    RESOURCE,
-    ROBOT,
-    STATE_MISSION,
-    STATE_OPERATOR,
-    STATE_ROBOT,
-    STATE_TASK,
-    TASK_EDGE,
-)
+from commhg_mj.learning.features import OPERATOR, PAST, PEER, PUBLIC, REPORT, RESOURCE, ROBOT, TASK_EDGE
 from commhg_mj.learning.graphs import OperatorGraphs, RobotGraphs
 from commhg_mj.learning.ppo import Hyper
 from commhg_mj.learning.registry import METHODS, find_method
 from commhg_mj.learning.rollout import Experience
+from commhg_mj.learning.state_features import STATE_MISSION, STATE_OPERATOR, STATE_ROBOT, STATE_TASK
 from commhg_mj.learning.states import States
 from commhg_mj.learning.train import Plan, Training
 from commhg_mj.scenarios import SCENARIOS
@@ -97,6 +86,7 @@ def robot_graphs(rows, n_tasks=5, seed=0, n_past=0) -> RobotGraphs:
         noise(n, n_operators, RESOURCE.width), np.array([[row.keep, row.idle] for row in rows]),
         np.array([row.gate for row in rows]), np.array([row.query for row in rows], bool).reshape(n, n_operators),
         np.array([row.assist for row in rows]), np.zeros(n, np.int64), np.arange(n),
+        np.zeros((n, 0), np.float32), np.zeros((n_edges, 0), np.float32),
     )  # fmt: skip
 
 
@@ -109,6 +99,7 @@ def operator_graphs(k, n_robots, seed=0, known=0.6, n_past=0) -> OperatorGraphs:
     return OperatorGraphs(
         noise(k, OPERATOR.width), report, known, np.ones((k, n_robots), bool), np.ones((k, 2), bool), np.zeros(k, np.int64),
         noise(k, n_robots, n_past, PAST.width), np.zeros(k, np.int64), np.arange(k),
+        np.full(k, KEEP),
     )  # fmt: skip
 
 

@@ -7,8 +7,9 @@ from learners import SHORT
 from strategies import change
 
 from commhg_mj.learning import features
-from commhg_mj.learning.features import GROUPS, KINDS, columns_of
+from commhg_mj.learning.features import KINDS, columns_of
 from commhg_mj.learning.graphs import GraphBuilder
+from commhg_mj.learning.state_features import ALL_GROUPS as GROUPS
 from commhg_mj.mission import state
 from commhg_mj.mission.batch import MissionBatch
 

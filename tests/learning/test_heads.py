@@ -11,6 +11,8 @@ from learners import Row, random_row, robot_graphs
 from commhg_mj.base.terms import IDLE, KEEP, NOBODY
 from commhg_mj.learning.batches import robot_batch
 from commhg_mj.learning.heads import (
+    ALL_DRAWN,
+    NONE_DRAWN,
     RobotChoices,
     RobotLogits,
     choose_operators,
@@ -132,7 +134,7 @@ def test_choices_are_drawn_as_often_as_they_are_likely(seed):
     one = random_logits(rng, [row])
     many = RobotLogits(*(part.repeat(n, *[1] * (part.dim() - 1)) for part in one))
     rows = [row] * n
-    drawn = choose_robots(many, robot_graphs(rows), rng, is_greedy=False)
+    drawn = choose_robots(many, robot_graphs(rows), rng)
     edge = np.where(drawn.task >= 0, drawn.task - 3 * np.arange(n), drawn.task)
     counts = {}
     for choice in zip(edge.tolist(), drawn.gate.tolist(), drawn.query.tolist(), drawn.assist.tolist()):
@@ -143,12 +145,12 @@ def test_choices_are_drawn_as_often_as_they_are_likely(seed):
         assert abs(counts.get(choice, 0) / n - p) < 5 * np.sqrt(p * (1 - p) / n) + 1e-4, choice
 
 
-def test_nothing_illegal_is_ever_chosen_and_greedy_takes_the_best():
+def test_nothing_illegal_is_ever_chosen_and_what_is_not_drawn_is_the_best():
     rows, logits, outcomes = many_rows(2, ())
     graphs, rng = robot_graphs(rows), np.random.default_rng(0)
     starts = np.cumsum([0] + [len(row.tasks) for row in rows])
-    for is_greedy in (False,) * 20 + (True,):
-        picks = choose_robots(logits, graphs, rng, is_greedy)
+    for drawn in (ALL_DRAWN,) * 20 + (NONE_DRAWN,):
+        picks = choose_robots(logits, graphs, rng, drawn)
         chosen = list(zip(*(column.tolist() for column in picks)))
         assert all(choice in each for choice, each in zip(chosen, outcomes))
     for i, (choice, row) in enumerate(zip(chosen, rows)):
@@ -162,12 +164,12 @@ def test_operators_are_judged_and_drawn_alike():
     rng, n = np.random.default_rng(0), 20000
     logits, legal = torch.tensor([1.0, -0.5, 2.0, 0.3, -1.0]), np.array([False, True, True, False, True])
     rows, open_to_all = logits.repeat(n, 1), np.tile(legal, (n, 1))
-    shares = np.bincount(choose_operators(rows, open_to_all, rng, False), minlength=5) / n
+    shares = np.bincount(choose_operators(rows, open_to_all, rng), minlength=5) / n
     wanted = np.where(legal, np.exp(logits.numpy()), 0)
     wanted /= wanted.sum()
     np.testing.assert_allclose(shares, wanted, atol=0.02)
     assert np.all(shares[~legal] == 0)
-    assert np.all(choose_operators(rows[:3], open_to_all[:3], rng, True) == 2)
+    assert np.all(choose_operators(rows[:3], open_to_all[:3], rng, NONE_DRAWN) == 2)
     mask = torch.from_numpy(open_to_all[:3])
     judged = judge_operators(rows[:3], mask, torch.tensor([1, 2, 4]))
     np.testing.assert_allclose(judged.log_prob.exp(), wanted[[1, 2, 4]], rtol=1e-5)
@@ -183,5 +185,5 @@ def test_what_differs_by_float32s_last_bits_alone_ties():
     logits = np.round(rng.normal(0, 2, (300, 5)), 1)
     logits[:, 3] = logits[:, 1] = logits.max(axis=1)  # equal in exact arithmetic
     noisy = [torch.from_numpy(logits + rng.normal(0, 1e-6, logits.shape)).float() for _ in range(2)]
-    picks = [choose_operators(each, np.ones(logits.shape, bool), None, True) for each in noisy]
+    picks = [choose_operators(each, np.ones(logits.shape, bool), None, NONE_DRAWN) for each in noisy]
     assert np.array_equal(*picks) and not np.array_equal(*(each.argmax(dim=1) for each in noisy))

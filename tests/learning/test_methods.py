@@ -153,11 +153,11 @@ def test_who_follows_the_schedule_follows_it_exactly(name):
 
 
 @every_method
-def test_greedy_play_takes_the_best_and_draws_are_the_missions_own(name):
+def test_flights_take_the_best_and_draws_are_the_missions_own(name):
     batch = fly(MissionBatch(LONG, range(12)), Wanderer(), 40)  # at first nearly everything is prescribed
     method = untrained(name)
-    best = [arrays_of(LearnedPolicy(method, batch, is_greedy=True)(batch.observations)) for _ in range(2)]
-    policy, again = LearnedPolicy(method, batch), LearnedPolicy(method, batch)
+    best = [arrays_of(LearnedPolicy(method, batch)(batch.observations)) for _ in range(2)]
+    policy, again = LearnedPolicy(method, batch, "drawn"), LearnedPolicy(method, batch, "drawn")
     drawn = [arrays_of(policy(batch.observations)) for policy in (policy, policy, again)]
     assert best[0] == best[1] != drawn[0]
     assert drawn[0] == drawn[1] == drawn[2], "draws hang on the mission's seed and the time, on nothing that was drawn before"

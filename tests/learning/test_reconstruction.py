@@ -7,12 +7,13 @@ from learners import Row, random_public, robot_graphs, run, shaken
 from torch.nn.functional import logsigmoid
 
 from commhg_mj.learning.batches import robot_batch
-from commhg_mj.learning.features import PAST, STATE_ROBOT, STATE_TASK
+from commhg_mj.learning.features import PAST
 from commhg_mj.learning.heads import RobotChoices, judge_robots, tensors_of
 from commhg_mj.learning.methods import ata_hrl
 from commhg_mj.learning.methods.ata_hrl import ATAHRL
 from commhg_mj.learning.ppo import Learner
 from commhg_mj.learning.reconstruction import RobotReconstruction, TaskReconstruction
+from commhg_mj.learning.state_features import STATE_ROBOT, STATE_TASK
 from commhg_mj.learning.states import States
 
 TYPES = STATE_TASK.columns("uav_only", "ugv_only", "general")

@@ -21,10 +21,11 @@ from safetensors.torch import load_file, save_file
 from strategies import change
 
 from commhg_mj.learning import rollout, train
-from commhg_mj.learning.features import OPERATOR, ROBOT, STATE_MISSION, STATE_OPERATOR, STATE_ROBOT
+from commhg_mj.learning.features import OPERATOR, ROBOT
 from commhg_mj.learning.graphs import GraphBuilder
 from commhg_mj.learning.rollout import from_decisions, to_decisions
 from commhg_mj.learning.run_log import LOG, Log
+from commhg_mj.learning.state_features import STATE_MISSION, STATE_OPERATOR, STATE_ROBOT
 from commhg_mj.learning.train import CLONED, STATE, WEIGHTS, Plan, Training, plan_from_json, plan_to_json
 from commhg_mj.learning.weights import SCHEMA, load_weights, save_weights
 from commhg_mj.mission.batch import MissionBatch

@@ -21,7 +21,7 @@ from ..ragged import Edges
 from ..reconstruction import RobotReconstruction, TaskReconstruction
 from ..registry import About, Method, method
 
-WIDTH, HEADS = 64, 4
+WIDTH, ALL_DRAWN = 64, 4
 N_PAST = 4  # reports of each robot
 AUXILIARY = 0.1  # weight of each reconstruction's loss
 SELDOM = -2.2  # logit of the trigger at first: one decision in ten
@@ -47,8 +47,8 @@ class CrossAttention(nn.Module):
 
     def forward(self, receivers: Tensor, receiver: Tensor, tokens: Tensor) -> Tensor:
         """[n, WIDTH] of receivers [n, WIDTH]; edge e leads from tokens[e] to receiver[e]."""
-        split = lambda rows: rows.view(-1, HEADS, WIDTH // HEADS)
-        score = (split(self.query(receivers))[receiver] * split(self.key(tokens))).sum(dim=2) / (WIDTH // HEADS) ** 0.5
+        split = lambda rows: rows.view(-1, ALL_DRAWN, WIDTH // ALL_DRAWN)
+        score = (split(self.query(receivers))[receiver] * split(self.key(tokens))).sum(dim=2) / (WIDTH // ALL_DRAWN) ** 0.5
         heads = softmax_by(receiver, score, len(receivers))[..., None] * split(self.value(tokens))
         return self.out(torch.zeros_like(receivers).index_add(0, receiver, heads.flatten(1)))
 

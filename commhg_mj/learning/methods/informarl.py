@@ -10,11 +10,12 @@ from torch.nn import functional
 
 from ..critic import N_PARTS, Agents, judge_roles
 from ..entity_graphs import EntityGraph, Near, measure, pair_up, within_reach
-from ..features import OPERATOR, PEER, PUBLIC, REPORT, ROBOT, STATE_MISSION, STATE_OPERATOR, STATE_ROBOT, STATE_TASK, TASK_EDGE
+from ..features import OPERATOR, PEER, PUBLIC, REPORT, ROBOT, TASK_EDGE
 from ..heads import RobotLogits, hold_as_chosen, keep_as_chosen
 from ..networks import NODE, bounded, linear, pick
 from ..ragged import Edges
 from ..registry import About, Method, method
+from ..state_features import STATE_MISSION, STATE_OPERATOR, STATE_ROBOT, STATE_TASK
 from ..states import States
 
 WIDTH = 64

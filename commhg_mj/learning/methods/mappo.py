@@ -7,10 +7,11 @@ import torch
 from torch import Tensor, nn
 
 from ..critic import N_PARTS, Agents, judge_roles, mean_agents
-from ..features import OPERATOR, PEER, REPORT, RESOURCE, ROBOT, STATE_MISSION, STATE_OPERATOR, STATE_ROBOT, STATE_TASK, TASK_EDGE
+from ..features import OPERATOR, PEER, REPORT, RESOURCE, ROBOT, TASK_EDGE
 from ..heads import LEFT_OUT, RobotLogits
 from ..networks import NODE, bounded, linear, pick
 from ..registry import About, Method, method
+from ..state_features import STATE_MISSION, STATE_OPERATOR, STATE_ROBOT, STATE_TASK
 from ..states import States
 
 N_TASKS, N_PEERS, N_OPERATORS, N_REPORTS = 16, 8, 3, 16  # that fit in, the best first
