@@ -202,6 +202,7 @@ class Publish:
         from ..base.files import whole_file
         from ..learning.pretrained import ENDING
         from ..learning.train import WEIGHTS
+        from ..learning.weights import load_weights, save_weights
         from ..study.model_card import N_FLIGHTS, make_card
 
         path = self.run / WEIGHTS if self.run.is_dir() else self.run
@@ -212,9 +213,10 @@ class Publish:
         with progress("flying", self.missions * N_FLIGHTS) as advance:
             name, card = make_card(path, self.missions, self.links, self.limitation, self.workers, advance)
         make_folder(self.out)
-        for target, content in ((f"{name}{ENDING}", path.read_bytes()), (f"{name}.md", card.encode())):
-            with whole_file(self.out / target) as draft:
-                draft.write_bytes(content)
+        method, facts = load_weights(path)
+        save_weights(method, self.out / f"{name}{ENDING}", facts, with_critic=False)
+        with whole_file(self.out / f"{name}.md") as draft:
+            draft.write_text(card, encoding="utf-8")
         say(f"{self.out / name}{ENDING} and its card {name}.md")
 
 

@@ -9,13 +9,9 @@ from pathlib import Path
 from ..policies import SOURCES, PolicyInfo, Source
 from ..scenarios import SCENARIOS, Scenario
 
-WEIGHTS = Path(__file__).parent / "trained"  # <method>-<scenario>.safetensors
+WEIGHTS = Path(__file__).parent / "trained"  # NAME-SCENARIO.safetensors
+BY_ROLLOUTS = "-rollouts"  # ends the name of a method whose weights were learned by rollouts
 ENDING = ".safetensors"
-# The methods, named here so that torch is loaded by need alone.
-RETIRED = ("commhg",)  # came trained under older rules, and will again
-UNTRAINED = (
-    "mappo", "ippo", "informarl", "ata-hrl", "commhg-nocomm", "commhg-noquery", "commhg-nograph", "nocomm-blind", "commhg-three",
-)  # fmt: skip
 DIGITS = 8  # of the checksum that tells weights of one name apart
 VARIANTS = ("no-query", "random-gates", "drawn")  # learned_policy.py's, named here so that torch is loaded by need alone
 
@@ -24,18 +20,14 @@ def find_learned(name: str) -> PolicyInfo | None:
     """The policy of a trained method or of a file of weights; None for other names.
 
     Raises:
-      ValueError: the file of weights is refused, or the method's do not come along; the message names it.
+      ValueError: the file of weights is refused; the message names it.
     """
     base, variant = split_variant(name)
     if base.endswith(ENDING):
         return PolicyInfo(partial(_fly_weights, base, variant), flown_in=_conditions(_load(base)))
     if base in trained_methods():
-        return PolicyInfo(partial(_fly_trained, base, variant), flown_in=_conditions(_find_method(base)))
-    if base in RETIRED + UNTRAINED:
-        retired = "were trained under older rules and are retired until they are trained anew"
-        why = retired if base in RETIRED else "do not come along"
-        train = f"train some with `commhg-mj train --method {base}`, and fly them by their path"
-        raise ValueError(f"{base}: its weights {why}; {train}")
+        any_of_them = _load(str(next(WEIGHTS.glob(f"{base}-*{ENDING}"))))
+        return PolicyInfo(partial(_fly_trained, base, variant), flown_in=_conditions(any_of_them))
     return None
 
 
@@ -46,8 +38,8 @@ def split_variant(name: str) -> tuple[str, str]:
 
 
 def trained_methods() -> list[str]:
-    """Methods whose weights come with the package."""
-    return sorted({path.name.partition("-")[0] for path in WEIGHTS.glob(f"*-*{ENDING}")})
+    """Names of the weights that come with the package."""
+    return sorted({path.stem.rpartition("-")[0] for path in WEIGHTS.glob(f"*-*{ENDING}")})
 
 
 def label_learned(name: str) -> str | None:
@@ -88,12 +80,6 @@ def _conditions(method) -> Callable[[Scenario], Scenario]:
     from .first_targets import flown_in
 
     return partial(flown_in, method)
-
-
-def _find_method(name):
-    from .registry import find_method
-
-    return find_method(name)
 
 
 def _load(path):

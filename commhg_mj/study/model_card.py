@@ -3,7 +3,7 @@
 import json
 
 from ..flights.held_out import HELD_OUT
-from ..learning.pretrained import VARIANTS
+from ..learning.pretrained import BY_ROLLOUTS, VARIANTS
 from ..learning.weights import load_weights
 from ..policies import label_of
 from ..replay.communication import FIGURES, mean_figures
@@ -11,6 +11,7 @@ from ..scenarios import from_json
 from .evaluation import compare_scores, evaluate
 
 REFERENCES = ("greedy", "planner", "omniscient")
+SCHEDULED = ("no-query", "drawn")  # variants of methods that follow the fixed schedule
 N_FLIGHTS = len(REFERENCES) + 1 + len(VARIANTS)  # of a card's missions, at most
 
 CARD = """# {method} for {scenario}
@@ -36,19 +37,23 @@ limitation; 95 % bootstrap intervals over missions, for one training seed. Diffe
 Share of the gap between greedy and the omniscient reference that is closed: {gap}.
 
 ## What its communication is worth
+| policy | TWCR | IQM | minus the whole policy |
+|---|---|---|---|
 {lacking}
+
+`+no-query` never asks; `+random-gates` broadcasts by chance whenever a broadcast is open (where the method decides on them);
+`+drawn` draws its choices, as in training, in place of the best.
+
 ## How it communicates
 | mean over missions | |
 |---|---|
 {talk}
 """
 
-LACKING = """| policy | TWCR | IQM | minus the whole policy |
-|---|---|---|---|
-{rows}
 
-`+no-query` never asks; `+random-gates` broadcasts by chance whenever a broadcast is open.
-"""
+def name_of(method, plan: dict) -> str:
+    """What weights go by that were trained by such a plan."""
+    return method.name + (BY_ROLLOUTS if "rollouts" in plan.get("learner", ()) else "")
 
 
 def make_card(path, n_missions: int, links: str, limitation: str, workers: int, advance) -> tuple[str, str]:
@@ -62,20 +67,20 @@ def make_card(path, n_missions: int, links: str, limitation: str, workers: int, 
         raise ValueError(f"{path} says nothing of its training")
     scenario = from_json(json.dumps(facts["plan"]["scenario"]))
     own = str(path)
-    variants = [f"{own}+{variant}" for variant in VARIANTS if method.communicates]
+    variants = [f"{own}+{variant}" for variant in (VARIANTS if method.communicates else SCHEDULED)]
     flights = evaluate(scenario, [*REFERENCES, own, *variants], n_missions, links, limitation, workers, advance)
     rows = compare_scores({policy: flights[policy] for policy in (*REFERENCES, own)})
     greedy, _, omniscient, learned = (row["twcr"].mean for row in rows)
     gap = f"{(learned - greedy) / (omniscient - greedy):.0%}" if omniscient > greedy else "there is none"
     lacking = compare_scores({policy: flights[policy] for policy in (own, *variants)})
-    name = f"{method.name}-{scenario.name}"
+    name = f"{name_of(method, facts['plan'])}-{scenario.name}"
     card = CARD.format(
         method=method.name, scenario=scenario.name, name=name, missions=facts["missions"],
         decisions=facts["decisions"], updates=facts["updates"], minutes=facts["cpu_seconds"] / 60,
         before=facts["cpu_seconds_before"] / 60, plan=json.dumps(facts["plan"] | {"scenario": scenario.name}, indent=2),
         n=n_missions, first=HELD_OUT, last=HELD_OUT + n_missions - 1, links=links, limitation=limitation,
         scores=_lines(rows, own, method.name), gap=gap,
-        lacking=LACKING.format(rows=_lines(lacking, own, method.name)) if variants else "It follows the fixed schedule.\n",
+        lacking=_lines(lacking, own, method.name),
         talk="\n".join(f"| {FIGURES[name]} | {value} |" for name, value in mean_figures([f for _, f in flights[own]]).items()),
     )  # fmt: skip
     return name, card
