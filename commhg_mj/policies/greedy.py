@@ -35,7 +35,7 @@ class Greedy:
     def __call__(self, observations: Observations) -> Decisions:
         decisions = stay(observations)
         choose_tasks(self.rules, observations, decisions)
-        choose_robots(self.rules, observations, decisions)
+        choose_robots(self.rules, observations, decisions.operator)
         follow_schedule(observations, decisions, self.asks)
         return decisions
 
@@ -71,15 +71,15 @@ def utility(rules, robot, row):
 
 
 @kernel
-def choose_robots(rules, observations, decisions):
-    """Operators: the robot whose task gains most by control; what is held is kept while it gains."""
+def choose_robots(rules, observations, choices):
+    """Operators: the robot whose task gains most by control; what is held is kept while it gains. Fills in `choices`."""
     for i in range(observations.operators.shape[0]):
         operator = observations.operators[i]
         if operator.session != RESTING and not operator.exempt:
             held = observations.operator_reports[i, operator.robot]
             stale = held.age < 0.0 or held.age > operator.since_bid
             keeps = stale or operator.session != HELD or gain(rules, operator, held) > 0.0
-            decisions.operator[i] = KEEP if keeps else REST
+            choices[i] = KEEP if keeps else REST
             continue
         best, choice = 0.0, REST
         for r in range(observations.operator_reports.shape[1]):
@@ -87,7 +87,7 @@ def choose_robots(rules, observations, decisions):
             worth = promise(rules, operator, report)
             if worth > best and (report.legal or r == operator.robot):
                 best, choice = worth, KEEP if r == operator.robot else r
-        decisions.operator[i] = choice
+        choices[i] = choice
 
 
 @kernel

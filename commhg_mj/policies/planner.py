@@ -1,4 +1,4 @@
-"""Planner: every robot assigns the team as it knows it and takes its own part; operators persist (docs/planner.md).
+"""Planner: every robot assigns the team as it knows it and takes its own part (docs/planner.md).
 
 Decentralised assignment on beliefs, also called implicit coordination: robots that know the same choose what fits together
 without a word about it. A policy without privileges: it reads observations and the scenario's public numbers.
@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..base.arguments import instance
-from ..base.elementary_functions import distance
+from ..base.elementary_functions import distance, exp, log
 from ..base.kernels import kernel
 from ..base.terms import IDLE, KEEP, NOBODY, Activity, Embodiment, Mode, Status
 from ..mission.batch import MissionBatch, stay
@@ -28,7 +28,11 @@ UAV, CONTROLLED = int(Embodiment.UAV), int(Mode.CONTROLLED)
 SERVICING, TRAVELLING, FAILED = int(Activity.SERVICING), int(Activity.TRAVELLING), int(Activity.FAILED)
 DONE, SERVICED = int(Status.DONE), int(Status.SERVICED)
 FATIGUE = 0.3  # of the operator who may help
-LOYALTY = 1.1  # a robot's own task counts this many times: plans do not flicker
+LOYALTY = 1.5  # a robot's own task counts this many times: plans do not flicker
+HASTE = 0.3  # a task that takes e times as long counts exp(-HASTE) times, beside its worth a second: its robot is free later
+URGENCY = 0.3  # one that is done long before its deadline counts exp(-URGENCY) times, one that is late by far exp(URGENCY)
+HARDNESS = 0.5  # the hardest count exp(HARDNESS) times: they need an operator, and time for another attempt
+SLACK = 50.0  # s before or after a deadline that are long
 CLAIM = 3.0  # a peer's reported task counts this many times for that peer
 DETOUR = 1.15  # ground robots drive so much farther than the straight way; a robot's own way is measured
 REPEATS = 1.3  # a service that a peer began is believed to last so many of its attempts
@@ -47,7 +51,8 @@ class Plan(NamedTuple):
     remembers: bool = True  # who has taken what, by claims, reports of service and refusals, until it is seen open
     reckons: bool = True  # peers on their way on from where they reported
     speaks_up: bool = True  # broadcasts a change of plan at once; else by the clock of the fixed schedule
-    persists: bool = True  # operators keep a robot until its task is done; else Greedy's operators
+    weighs: bool = True  # what is done soon, urgent or hard counts more than its worth a second
+    persists: bool = False  # operators keep a robot until its task is done; else Greedy's operators
     asks: bool = True  # operators, by the fixed schedule's rule
 
 
@@ -60,7 +65,8 @@ ABLATIONS = {
     "no-claims": Plan(heeds_claims=False),
     "clocked": Plan(speaks_up=False),
     "no-query": Plan(asks=False),
-    "greedy-operators": Plan(persists=False),
+    "plain-worth": Plan(weighs=False),
+    "persistent-operators": Plan(persists=True),
 }
 
 
@@ -129,7 +135,7 @@ def choose(rules, plan, desk, memory, observations, decisions):
     if plan.persists:
         persist(rules, observations, decisions.operator)
     else:
-        choose_robots(rules, observations, decisions)
+        choose_robots(rules, observations, decisions.operator)
 
 
 @kernel
@@ -254,8 +260,8 @@ def rate_own(rules, plan, robot, tasks, taken, columns, backlog, worth):
         is_taken = task.status == SERVICED and task.age < CLAIM_TRUST
         if is_held and robot.can_keep or task.legal and not is_taken:
             way = 0.0 if is_held and robot.activity == SERVICING else task.distance
-            saved = regret(rules, task, task_seconds(rules, plan, task, way / robot.speed, robot.mode), robot.time, backlog)
-            worth[column] = max(0.0, saved) * (LOYALTY if is_held else 1.0)
+            saved = task_worth(rules, plan, task, way / robot.speed, robot.mode, robot.time, backlog)
+            worth[column] = saved * (LOYALTY if is_held else 1.0)
             if not is_held and taken[j] >= 0.0:
                 worth[column] *= TAKEN
 
@@ -283,9 +289,20 @@ def rate_peer(rules, plan, now, peer, tasks, columns, backlog, worth):
         task = tasks[j]
         if is_compatible(peer.embodiment, task.type):
             way = distance(task.x - x, task.y - y) * (1.0 if peer.embodiment == UAV else DETOUR)
-            saved = regret(rules, task, task_seconds(rules, plan, task, way / speed, peer.mode), now, backlog)
+            saved = task_worth(rules, plan, task, way / speed, peer.mode, now, backlog)
             is_claimed = plan.heeds_claims and j == held and peer.age < CLAIM_TRUST
-            worth[column] = max(0.0, saved) * (CLAIM if is_claimed else 1.0)
+            worth[column] = saved * (CLAIM if is_claimed else 1.0)
+
+
+@kernel
+def task_worth(rules, plan, task, travel, mode, now, backlog):
+    """What going for a task now saves a second, and what beside it makes a task one to do first; not negative."""
+    seconds = task_seconds(rules, plan, task, travel, mode)
+    saved = max(0.0, regret(rules, task, seconds, now, backlog))
+    if not plan.weighs:
+        return saved
+    slack = (task.deadline - now - seconds) / SLACK
+    return saved * exp(HARDNESS * task.difficulty - URGENCY * slack / (1.0 + abs(slack)) - HASTE * log(seconds))
 
 
 @kernel

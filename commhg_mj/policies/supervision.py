@@ -1,4 +1,4 @@
-"""Operators who persist: what planner and auctioneer let them do. They know delivered reports and their own sessions."""
+"""Operators who persist: what the auctioneer lets them do. They know delivered reports and their own sessions."""
 
 import numpy as np
 

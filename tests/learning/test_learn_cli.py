@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import torch
 from learners import FAMILIES, QUICK
+from safetensors import safe_open
 
 from commhg_mj.base.files import LOCK, held
 from commhg_mj.base.kernels import ensure_compiled
@@ -300,6 +301,11 @@ def test_stages_are_all_smaller_scenarios_in_order(tmp_path):
     assert found[2][0].hyper == large.hyper
     small = Plan("commhg", SCENARIOS["small"], init=curriculum.SMALL_TO_LARGE)
     assert [(plan.init, folder) for plan, folder in curriculum.stages(small, tmp_path)] == [("", tmp_path)]
+    both = curriculum.stages(replace(small, learner=("clone", "ppo", "rollouts")), tmp_path)
+    assert [(plan.learner, folder) for plan, folder in both] == [
+        (("clone", "ppo"), tmp_path / "clone-ppo"), (("rollouts",), tmp_path),
+    ]  # fmt: skip
+    assert both[1][0].init == str(tmp_path / "clone-ppo" / train.WEIGHTS)
     assert curriculum.stages(replace(large, init="x"), tmp_path) == [(replace(large, init="x"), tmp_path)]
 
 
@@ -401,12 +407,6 @@ def test_evaluate_refuses_bad_options(refused, tmp_path):
     assert "nowhere" in refused("evaluate", "--scenario", "nowhere")
 
 
-def test_retired_weights_are_refused_by_name(refused, tmp_path):
-    for words in (("evaluate", "--policy", "greedy", "commhg"), ("run", "--policy", "commhg", "--out", "r")):
-        assert "commhg: its weights were trained under older rules and are retired" in refused(*words)
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_a_seed_whose_missions_have_none_is_refused_before_anything_is_written(tiny, tmp_path, refused):
     for seed in (1796000000123456789, -1):
         for workers in (1, 2):
@@ -429,12 +429,52 @@ def test_publish_writes_weights_and_a_card_of_what_they_do(run, tiny, tmp_path, 
     files = sorted(path.name for path in (tmp_path / "p").iterdir())
     assert files == [f"{method}-tiny.md", f"{method}-tiny.safetensors"]
     weights = tmp_path / "r" / train.WEIGHTS
-    assert (tmp_path / "p" / files[1]).read_bytes() == weights.read_bytes()
+    (mine, facts), (theirs, published) = load_weights(weights), load_weights(tmp_path / "p" / files[1])
+    assert facts == published and (tmp_path / "p" / files[1]).stat().st_size < 0.9 * weights.stat().st_size
+    kept = [name for name, tensor in mine.state_dict().items() if torch.equal(tensor, theirs.state_dict()[name])]
+    assert {name.partition(".")[0] for name in kept} >= {"robot", "operator"}
+    assert not any(name.startswith("critic.") for name in names_in(tmp_path / "p" / files[1]))
     card = (tmp_path / "p" / files[0]).read_text()
     assert run("evaluate", "--policy", "greedy", weights, "--scenario", tiny, *flight, "--out", "e.json")[0] == 0
     twcr = [np.array(column) for column in json.loads((tmp_path / "e.json").read_text())["conditions"][0]["twcr"].values()]
     row = f"| {method} | {mean_interval(twcr[1])} | {middle_interval(twcr[1])} | {mean_interval(twcr[1] - twcr[0])} |"
-    assert row in card and ("+no-query" in card) == (method == "commhg") and '"missions": 1' in card
+    assert row in card and f"| {method}+drawn |" in card and '"missions": 1' in card
+    assert (f"| {method}+random-gates |" in card) == (method == "commhg")
+
+
+def names_in(path):
+    with safe_open(path, "pt") as file:
+        return list(file.keys())
+
+
+def test_learners_one_after_the_other_each_in_a_folder_of_its_own(run, tiny, tmp_path):
+    words = options(tiny, "r", missions=6, method="mappo", learner="clone,rollouts", teacher="planner")
+    assert run("train", *words, "--plans")[0] == 0
+    cloned, improved = (load_weights(tmp_path / name / train.WEIGHTS) for name in ("r/clone", "r"))
+    assert [facts["plan"]["learner"] for _, facts in (cloned, improved)] == [["clone"], ["rollouts"]]
+    assert improved[1]["cpu_seconds_before"] == cloned[1]["cpu_seconds"] and improved[0].plan is not None
+    before = (tmp_path / "r" / train.WEIGHTS).read_bytes()
+    code, out, _ = run("train", "--resume", "--out", "r")
+    assert code == 0 and "nothing was left to do" in out and (tmp_path / "r" / train.WEIGHTS).read_bytes() == before
+    assert run("publish", "r", "--out", "p", "--missions", 2, "--workers", 1)[0] == 0
+    assert (tmp_path / "p/mappo-rollouts-tiny.md").exists() and names_in(tmp_path / "p/mappo-rollouts-tiny.safetensors")
+    assert run("evaluate", "--policy", "r/weights.safetensors+drawn", "--scenario", tiny, "--missions", 2, "--workers", 1)[0] == 0
+    assert "was trained with --plans" in run("train", *options(tiny, "s", method="mappo", init="r/weights.safetensors"))[2]
+
+
+@pytest.mark.parametrize(
+    "words, said",
+    [
+        (("--learner", "sgd"), "unknown learner 'sgd': use clone, ppo, rollouts"),
+        (("--learner", "ppo,clone"), "learner: clone comes first, not in ppo,clone"),
+        (("--learner", ""), "unknown learner ''"),
+        (("--teacher", "nobody"), "--teacher"),
+        (("--method", "informarl", "--plans"), "plans: informarl never reads the planner's numbers"),
+    ],
+)
+def test_impossible_learners_are_refused_before_anything_is_written(refused, tiny, tmp_path, words, said):
+    assert said in refused("train", *options(tiny, "r"), *words)
+    assert not (tmp_path / "r").exists()
 
 
 def test_publish_refuses_what_says_nothing_of_its_training(run, refused, tmp_path):
