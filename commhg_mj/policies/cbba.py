@@ -20,7 +20,7 @@ from ..mission.observe import Observations
 from ..mission.service import autonomous_seconds, timeliness
 from ..scenarios import Scenario
 from .greedy import CLAIM_TRUST
-from .planner import DETOUR, LOYALTY, PERIOD, UNTOLD, expected_success, is_settled, list_open
+from .planner import DETOUR, PERIOD, UNTOLD, expected_success, is_settled, list_open
 from .schedule import follow_schedule
 from .supervision import persist
 
@@ -28,6 +28,7 @@ UAV, SERVICING, SERVICED = int(Embodiment.UAV), int(Activity.SERVICING), int(Sta
 BUNDLE = 3  # tasks that a robot bids for at once
 BIDS_A_RECORD = 2  # task, winner, bid and time take 7 B, a task record about twice that
 PATIENCE = 90.0  # s: what is done so much later is worth 1/e
+LOYALTY = 1.1  # a robot's own task counts this many times: bundles do not flicker
 KEPT = 32  # broadcasts of a robot whose bids may still be on their way, or unread
 
 

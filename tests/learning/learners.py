@@ -46,7 +46,7 @@ def shaken(module, seed=0, scale=0.3):
     generator = torch.Generator().manual_seed(seed)
     with torch.no_grad():
         for parameter in module.parameters():
-            parameter += scale * torch.randn(parameter.shape, generator=generator) / max(1, parameter.shape[-1]) ** 0.5
+            parameter += scale * torch.randn(parameter.shape, generator=generator) / max([1, *parameter.shape[-1:]]) ** 0.5
     return module
 
 

@@ -468,7 +468,6 @@ def test_learners_one_after_the_other_each_in_a_folder_of_its_own(run, tiny, tmp
         (("--learner", "sgd"), "unknown learner 'sgd': use clone, ppo, rollouts"),
         (("--learner", "ppo,clone"), "learner: clone comes first, not in ppo,clone"),
         (("--learner", ""), "unknown learner ''"),
-        (("--teacher", "nobody"), "--teacher"),
         (("--method", "informarl", "--plans"), "plans: informarl never reads the planner's numbers"),
     ],
 )

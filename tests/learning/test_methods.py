@@ -200,18 +200,16 @@ def test_a_trained_method_may_lack_something(tmp_path):
         policies.find_policy("commhg+nothing")
 
 
-def test_weights_that_come_along_fly_by_their_methods_name_and_are_retired_without_them(tmp_path, monkeypatch):
-    for name in ("commhg", "commhg+no-query"):
-        with pytest.raises(ValueError, match=r"^commhg: its weights were trained under older rules .* by their path$"):
-            policies.find_policy(name)
+def test_weights_come_along_for_every_method_and_fly_by_name(tmp_path, monkeypatch):
+    assert set(pretrained.trained_methods()) >= {*NAMES, "commhg-rollouts"}
+    assert all(policies.find_policy(name).make for name in (*NAMES, "commhg+no-query", "commhg-rollouts+drawn"))
     monkeypatch.setattr(pretrained, "WEIGHTS", tmp_path)
-    save_weights(untrained("commhg"), tmp_path / "commhg-medium.safetensors", {})
-    assert fly_missions(SHORT, "commhg", [1]) == fly_missions(SHORT, str(tmp_path / "commhg-medium.safetensors"), [1])
-    for name in ("mappo", "commhg-nograph+no-query"):
-        base = name.partition("+")[0]
-        with pytest.raises(ValueError, match=rf"^{base}: its weights do not come along; .*--method {base}`.* by their path$"):
-            policies.find_policy(name)
-    assert sorted(pretrained.RETIRED + pretrained.UNTRAINED) == NAMES
+    for name, method in {"commhg-medium": "commhg", "ata-hrl-small": "ata-hrl", "commhg-rollouts-small": "mappo"}.items():
+        path, known = tmp_path / f"{name}.safetensors", name.rpartition("-")[0]
+        save_weights(untrained(method), path, {})
+        assert known in pretrained.trained_methods()
+        assert fly_missions(SHORT, known, [1]) == fly_missions(SHORT, str(path), [1])
+        assert policies.find_policy(known).flown_in(SHORT) == policies.find_policy(str(path)).flown_in(SHORT)
     with pytest.raises(ValueError, match="unknown policy 'commgh'"):
         policies.find_policy("commgh")
 

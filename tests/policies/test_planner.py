@@ -151,9 +151,25 @@ def test_a_planner_serves_a_mission_that_begins_in_the_place_of_another():
     assert fingerprint(fly(fresh, Planner(fresh)).state) == fingerprint(batch.state)
 
 
+def test_tasks_that_are_urgent_or_hard_or_done_soon_come_first():
+    """Of two tasks alike but for one thing, the planner takes what its worth a second alone would leave."""
+    batch, seen = two_idle()
+    tasks, plain_worth = seen.robot_tasks, ABLATIONS["plain-worth"]
+    set_places(tasks, [(1000, 0), (0, 1000), (0, 90_000)])
+    tasks["legal"][0, 2] = 0
+    for name, values in dict(deadline=(60, 800), difficulty=(0.9, 0.2), decay=(1e6, 1e6)).items():
+        tasks[name][0, :2] = values
+    both = [task_of(batch, seen, plan) for plan in (plain_worth, Plan())]
+    assert both == [1, 0], "urgent and hard before easy"
+    tasks["difficulty"][0, :2], tasks["deadline"][0, :2] = 0.2, 60
+    set_places(tasks, [(1000, 0), (0, 1500), (0, 90_000)])
+    tasks["value"][0, :2] = 2.0, 2.6
+    assert [task_of(batch, seen, plan) for plan in (plain_worth, Plan())] == [1, 0], "near before a little more value"
+
+
 def test_operators_persist_hold_on_and_rest_when_tired():
     pilot = Pilot(plain(telemetry_period=1.0, service_base=200.0, difficulty=(1.0, 1.0), generalist=(0.2, 0.2)))
-    planner = Planner(pilot.batch)
+    planner = Planner(pilot.batch, ABLATIONS["persistent-operators"])
     pilot.wait(8)
     seen = copied(pilot.batch.observations)
     first = planner(seen).operator[0]
