@@ -18,7 +18,6 @@ from commhg_mj.learning.heads import LEFT_OUT, RobotChoices, RobotLogits
 from commhg_mj.learning.ppo import Hyper, Learner
 from commhg_mj.learning.registry import METHODS
 from commhg_mj.learning.rollout import FAILED
-from commhg_mj.policies import POLICIES
 
 pytestmark = pytest.mark.filterwarnings("ignore:Mean of empty slice", "ignore:invalid value", "ignore:Degrees of freedom")
 PLAIN = Hyper(epochs=1, minibatches=1, entropy=0.0, value=0.0, max_grad=1e9, target_kl=1e9)
@@ -147,9 +146,8 @@ def collected(tmp_path, method, decisions, teacher=False, **options):
     """(training, experience)."""
     training, hyper = run(tmp_path, method, **options), QUICK
     shaken(training.method)
-    policy = POLICIES["greedy"].make(training.collector.batch) if teacher else None
     parts = training.method.critic, training.method.scale
-    return training, training.collector.collect(decisions, *parts, hyper.gamma, hyper.lam, teacher=policy)
+    return training, training.collector.collect(decisions, *parts, hyper.gamma, hyper.lam, is_taught=teacher)
 
 
 @torch.no_grad()
@@ -274,7 +272,7 @@ def test_what_does_not_fit_in_is_not_imitated(tmp_path):
     """A teacher's choice that a method cannot make teaches nothing, in place of pushing all others down."""
     many = run(tmp_path, "mappo", change(SHORT, n_tasks=40, released_at_start=1.0)).collector
     method = shaken(METHODS["mappo"]())
-    data = many.collect(60, method.critic, method.scale, 0.99, 0.95, teacher=POLICIES["greedy"].make(many.batch))
+    data = many.collect(60, method.critic, method.scale, 0.99, 0.95, is_taught=True)
     learner = Learner(method, PLAIN)
     batch = learner.minibatch(data, np.arange(len(data.states.mission)))
     with torch.no_grad():

@@ -32,8 +32,8 @@ from commhg_mj.mission.batch import MissionBatch
 from commhg_mj.policies import POLICIES, prepare
 
 
-def collect(training, decisions, teacher=None, gamma=QUICK.gamma, lam=QUICK.lam):
-    return training.collector.collect(decisions, training.method.critic, training.method.scale, gamma, lam, teacher=teacher)
+def collect(training, decisions, is_taught=False, gamma=QUICK.gamma, lam=QUICK.lam):
+    return training.collector.collect(decisions, training.method.critic, training.method.scale, gamma, lam, is_taught=is_taught)
 
 
 def watched(training, look):
@@ -135,8 +135,7 @@ def test_rewards_within_a_step_are_discounted_by_the_second(tmp_path, monkeypatc
     training, gamma, told = run(tmp_path, side_by_side=1), 0.9, []
     estimate = rollout.estimate_advantages
     monkeypatch.setattr(rollout, "estimate_advantages", lambda *a: (told.append(a), estimate(*a))[1])
-    batch = training.collector.batch
-    collect(training, 60, teacher=POLICIES["greedy"].make(batch), gamma=gamma)
+    collect(training, 60, is_taught=True, gamma=gamma)
     rewards, elapsed, over = (column[:, 0] for column in told[0][2:5])
     until = int(np.flatnonzero(over)[0]) + 1  # the first mission's steps
     alone = MissionBatch(SHORT, [10**6])
@@ -151,19 +150,28 @@ def test_rewards_within_a_step_are_discounted_by_the_second(tmp_path, monkeypatc
 
 
 def test_a_teacher_decides_and_its_choices_are_kept(tmp_path):
-    training = run(tmp_path)
-    greedy, said = prepare("greedy", SHORT, [0])[1], []
+    training, said = run(tmp_path), []
+    greedy = training.collector.teacher
 
     def teacher(seen):
         decisions = greedy(seen)
         said.append(decisions)
         return decisions
 
-    data = collect(training, 150, teacher)
+    training.collector.teacher = teacher
+    data = collect(training, 150, is_taught=True)
     assert np.array_equal(np.concatenate([d.broadcast for d in said]), data.robot_choices.gate)
     chosen = data.robot_choices.task
     tasks = np.where(chosen >= 0, data.robots.task[np.maximum(chosen, 0)], chosen)
     assert np.array_equal(np.concatenate([d.task for d in said]), tasks)
+
+
+def test_a_run_that_clones_the_planner_goes_on_with_what_the_planner_remembers(tmp_path):
+    options = dict(method="mappo", learner=("clone",), teacher="planner", plans=True)
+    whole = updated(run(tmp_path / "whole", **options), 4)
+    cut = updated(run(tmp_path / "cut", **options), 2)
+    cut.save()
+    assert same_bits(updated(Training.resume(tmp_path / "cut"), 2), whole) and whole.aim == "clone"
 
 
 def test_one_mission_alone_trains(tmp_path):
