@@ -36,12 +36,12 @@ class Toy(nn.Module):
     def logits(self, name, n):
         return self.now[name].expand(n)
 
-    def robot(self, graphs, public):
+    def robot_logits(self, graphs, public):
         n = len(graphs.itself)
         query = torch.stack([torch.zeros(n), self.logits("query", n)], dim=1)
         return RobotLogits(torch.zeros(len(graphs.rows)), torch.zeros(n, 2), self.logits("gate", n), query, torch.zeros(n))
 
-    def operator(self, graphs):
+    def operator_logits(self, graphs):
         k, r = graphs.legal.shape
         return torch.cat([torch.zeros(k, 2), self.logits("robot", k)[:, None], torch.full((k, r - 1), -50.0)], dim=1)
 

@@ -312,7 +312,8 @@ def test_weights_and_log_on_a_full_disk_are_named(tmp_path):
 
 
 def test_a_plan_is_itself_after_a_round_trip():
-    plan = Plan("mappo", SHORT, 3, "raycast", "high", 10, 2, 2, 1, "x.safetensors", QUICK)
+    learner, rest = ("clone", "rollouts"), dict(plans=True, first_updates=1, init="x.safetensors", hyper=QUICK)
+    plan = Plan("mappo", SHORT, 3, "raycast", "high", 10, 2, 2, learner, "planner", **rest)
     assert plan_from_json(plan_to_json(plan)) == plan
 
 
@@ -514,7 +515,7 @@ WEIGHT_DAMAGES = {
     "no number": lambda path: reweigh(path, lambda t: t | {"robot.itself.0.bias": t["robot.itself.0.bias"] * torch.nan}),
     "an infinite bias": lambda path: reweigh(path, lambda t: t | {"robot.itself.0.bias": t["robot.itself.0.bias"] / 0.0}),
     "older rules": lambda path: reweigh(path, format="commhg_mj weights 1"),
-    "another critic's features": lambda path: reweigh(path, schema=SCHEMA.replace('"pending"', '"pending_share"')),
+    "another critic's features": lambda path: reweigh(path, schema=json.dumps(SCHEMA).replace('"pending"', '"pending_share"')),
     "a tensor less": lambda path: reweigh(path, lambda t: dict(list(t.items())[1:])),
     "a shape": lambda path: reweigh(path, lambda t: t | {"robot.itself.0.weight": torch.zeros(2, 2)}),
 }

@@ -127,8 +127,9 @@ def test_the_last_decision_by_then(trace):
 
 
 def test_probabilities_are_the_heads(weights):
-    trace = recorded(weights["commhg"], label="mine")
-    flight, joint = Replayer(trace, weights["commhg"]), 0
+    drawn = f"{weights['commhg']}+drawn"
+    trace = recorded(drawn, label="mine")
+    flight, joint = Replayer(trace, drawn), 0
     prefer, act = flight.preferences(), flight._act
     for decision in flight.decisions(80):
         seen, own, p = decision.seen, decision.itself, prefer(decision.seen)
