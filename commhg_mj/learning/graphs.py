@@ -16,7 +16,8 @@ from ..mission.decide import Decisions
 from ..mission.estimate import attempt, control_gain
 from ..mission.observe import Observations
 from ..policies.greedy import choose_robots
-from ..policies.planner import new_desk, new_memory, note_told
+from ..policies.planner import WHOLE, new_desk, new_memory, talk
+from ..policies.schedule import follow_schedule
 from .features import LONG, OPERATOR, PEER, PLAN, PLAN_EDGE, PUBLIC, REPORT, RESOURCE, ROBOT, SHORT, TASK_EDGE, columns_of
 from .memory import Memory, forget, recall
 from .plan_numbers import fill_plans
@@ -141,10 +142,12 @@ class GraphBuilder:
         """All that actors remember, in the same memory."""
         return [*self.memory.columns(), *self.plans]
 
-    def note(self, seen: Observations, decisions: Decisions) -> None:
-        """Keep in mind what robots say with these decisions on what they have seen."""
+    def talk(self, seen: Observations, decisions: Decisions, asks: bool) -> None:
+        """Fill in what is said by rule on choices that are made: by the planner's where plans are read, else by the schedule."""
         if self.wants.plans:
-            note_told(self.plans.told, seen, decisions)
+            talk(WHOLE._replace(asks=asks), self.plans, seen, decisions)
+        else:
+            follow_schedule(seen, decisions, asks)
 
     def operators(self, seen: Observations) -> OperatorGraphs:
         """Graphs of the operators that are due."""

@@ -58,7 +58,7 @@ class LearnedPolicy:
         if not isinstance(variant, str) or variant:
             one_of("variant", variant, list(VARIANTS)[1:])
         if variant == "random-gates" and not method.communicates:
-            raise ValueError(f"{method.name}+{variant}: {method.name} follows the fixed schedule, it has no such head")
+            raise ValueError(f"{method.name}+{variant}: {method.name} speaks by rule, it has no such head")
         self.builder, (change, self.drawn) = GraphBuilder(batch, method.wants), VARIANTS[variant]
         self.actors = Actors(method, self.builder, change, asks=variant != "no-query")
         self.public = self.builder.public(batch.state.tasks)

@@ -14,7 +14,7 @@ IS_PICK = PLAN_EDGE.index("is_pick")
 
 
 class PlanReader(nn.Module):
-    """Robots' scores for each task, for idling, broadcasting, asking and requesting; operators' for the planner's choice.
+    """Robots' scores for each task and for idling, operators' for the planner's choice. What is said is the planner's, too.
 
     Attributes:
       trust: [2] what the planner's choice gets beside its score, a robot's and an operator's: another must promise so much
@@ -26,7 +26,7 @@ class PlanReader(nn.Module):
         own = PLAN.width + ROBOT.width
         self.robot, self.edge = linear(own, WIDTH, bias=False), linear(PLAN_EDGE.width + TASK_EDGE.width, WIDTH)
         self.between, self.score = linear(WIDTH, WIDTH // 2), linear(WIDTH // 2, 1, 0.01)
-        self.own = nn.Sequential(linear(own, WIDTH), nn.ReLU(), linear(WIDTH, 5, 0.01))
+        self.own = nn.Sequential(linear(own, WIDTH), nn.ReLU(), linear(WIDTH, 2, 0.01))
         self.pick = nn.Parameter(torch.zeros(()))  # score of the operator's choice that the planner would make
         self.register_buffer("trust", torch.zeros(2))
 
@@ -41,10 +41,5 @@ class PlanReader(nn.Module):
         edges = torch.cat([graphs.plan_edge, graphs.task_edge], dim=1)
         hidden = torch.relu(self.edge(edges) + self.robot(own)[graphs.rows])
         score = bounded(self.score(torch.relu(self.between(hidden)))[:, 0]) + self.trust[0] * graphs.plan_edge[:, IS_PICK]
-        keep_or_idle, gate, ask, assist = bounded(self.own(own)).split([2, 1, 1, 1], dim=1)
-        keep_idle = keep_as_chosen(keep_or_idle, score, graphs.own_edge)
-        logits = logits._replace(task=logits.task + score, keep_idle=logits.keep_idle + keep_idle)
-        if logits.gate is None:
-            return logits
-        query = None if logits.query is None else torch.cat([logits.query[:, :1] - ask, logits.query[:, 1:]], dim=1)
-        return logits._replace(gate=logits.gate + gate[:, 0], query=query, assist=logits.assist + assist[:, 0])
+        keep_idle = keep_as_chosen(bounded(self.own(own)), score, graphs.own_edge)
+        return RobotLogits(logits.task + score, logits.keep_idle + keep_idle, None, None, None)

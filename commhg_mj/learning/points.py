@@ -74,11 +74,10 @@ class Gatherer:
             flown = decisions._replace(task=decisions.task.copy(), operator=decisions.operator.copy())
             tried, worth = self._try_robots(seen, decisions, flown)
             picks, worth_picks = self._try_operators(seen, operators, decisions, flown)
-            before = self.memory.told.copy()
-            talk(WHOLE, self.memory, seen, decisions)
-            self.memory.told[:] = before
             talk(WHOLE, self.memory, seen, flown)
-            self.builder.note(seen, flown)
+            if self.builder.wants.plans:
+                self.builder.talk(seen, flown, True)  # the same once more, for it has a memory of its own
+            decisions = flown._replace(task=decisions.task, operator=decisions.operator)
             kept = (tried[:, 0] != NOT_TRIED) | (self.rng.random(len(tried)) < IMITATED)
             kept_picks = (picks[:, 0] != NOT_TRIED) | (self.rng.random(len(picks)) < IMITATED)
             steps.append(_cut(graphs, operators, decisions, (tried, worth, kept), (picks, worth_picks, kept_picks)))

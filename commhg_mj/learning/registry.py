@@ -38,7 +38,7 @@ class Method(nn.Module):
 
     Attributes:
       name: that it is registered under.
-      communicates: broadcasts, queries and requests are the heads' to choose; otherwise the fixed schedule does.
+      communicates: broadcasts, queries and requests are the heads' to choose; otherwise the fixed schedule does, or the planner.
       picks_first: its robots choose their first targets at t = 0, one after the other; otherwise the initializer does.
       wants: what its graphs hold beside what all get.
       may_read_plans: it can be trained with the planner's numbers.
@@ -58,14 +58,14 @@ class Method(nn.Module):
         self.plan = None
 
     def read_plans(self) -> "Method":
-        """Let its robots read the planner's numbers, too; to be called before anything is learned.
+        """Let it read the planner's numbers, too, and say what the planner would on its choices; before anything is learned.
 
         Raises:
           ValueError: this method never does.
         """
         if not self.may_read_plans:
             raise ValueError(f"plans: {self.name} never reads the planner's numbers")
-        self.plan, self.wants = PlanReader(), self.wants._replace(plans=True)
+        self.plan, self.wants, self.communicates = PlanReader(), self.wants._replace(plans=True), False
         return self
 
     def robot_logits(self, graphs, public: Tensor) -> RobotLogits:

@@ -9,7 +9,6 @@ from ..base.terms import KEEP, REST, Activity
 from ..mission.batch import MissionBatch
 from ..mission.decide import Decisions
 from ..policies import POLICIES
-from ..policies.schedule import follow_schedule
 from .advantage import estimate_advantages
 from .batches import RobotBatch, join_operators, join_robots, legal_picks, operator_batch, pick_robots, robot_batch
 from .critic import N_PARTS, Agents, Local, judge_values
@@ -103,8 +102,7 @@ class Actors:
         if not teacher or self.method.picks_first:
             decisions = to_decisions(robots, choices, picks)
         if not self.method.communicates:
-            follow_schedule(seen, decisions, self.asks)
-        self.builder.note(seen, decisions)
+            self.builder.talk(seen, decisions, self.asks)
         return Decided(robots, operators, choices, picks, *zip(robots_judged, operators_judged), decisions)
 
     def _decide_robots(self, robots, public, rng, drawn, is_learning, taught):

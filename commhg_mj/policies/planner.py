@@ -174,20 +174,12 @@ def tell_changes(told, observations, decisions):
     """A plan that nobody was told of is broadcast at once: what peers assume of a robot is what it told last."""
     for i in range(observations.robots.shape[0]):
         robot = observations.robots[i]
-        is_news = robot.time == 0.0 or told[robot.mission, robot.robot] != own_plan(robot, decisions.task[i])
-        decisions.broadcast[i] = robot.can_broadcast and (is_news or robot.since_broadcast >= PERIOD)
-    note_told(told, observations, decisions)
-
-
-@kernel
-def note_told(told, observations, decisions):
-    """Bring up to date what each robot has told last."""
-    for i in range(observations.robots.shape[0]):
-        robot = observations.robots[i]
+        e, r, plan = robot.mission, robot.robot, own_plan(robot, decisions.task[i])
         if robot.time == 0.0:
-            told[robot.mission, robot.robot] = UNTOLD
+            told[e, r] = UNTOLD
+        decisions.broadcast[i] = robot.can_broadcast and (told[e, r] != plan or robot.since_broadcast >= PERIOD)
         if decisions.broadcast[i]:
-            told[robot.mission, robot.robot] = own_plan(robot, decisions.task[i])
+            told[e, r] = plan
 
 
 @kernel

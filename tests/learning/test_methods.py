@@ -194,7 +194,7 @@ def test_a_trained_method_may_lack_something(tmp_path):
     save_weights(untrained("mappo"), path, {})
     whole, silent = (fly_missions(LONG, name, range(4)) for name in (str(path), f"{path}+no-query"))
     assert sent(whole, "query") > 0 == sent(silent, "query"), "who follows the schedule asks by it, or never"
-    with pytest.raises(ValueError, match="mappo.random-gates: mappo follows the fixed schedule"):
+    with pytest.raises(ValueError, match="mappo.random-gates: mappo speaks by rule"):
         fly_missions(LONG, f"{path}+random-gates", range(1))
     with pytest.raises(ValueError, match="unknown policy 'commhg.nothing'"):
         policies.find_policy("commhg+nothing")
