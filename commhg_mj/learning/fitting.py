@@ -14,6 +14,7 @@ from ..base.terms import KEEP
 from .batches import legal_picks, operator_batch, pick_robots, robot_batch
 from .heads import RobotChoices, RobotLogits, judge_apart, judge_operators, tensors_of
 from .points import NOT_TRIED, Points, shifted
+from .ppo import OUT_OF_REACH
 
 UNIT = 0.06  # mean tasks that a logit stands for
 EPOCHS, MINIBATCH, RATE, LAST_RATE = 6, 512, 2e-3, 0.05  # the rate falls to that share of it
@@ -74,7 +75,8 @@ class Fit:
         judged = regression(scores, torch.from_numpy(self.targets[0][rows])) / self.spread[0]
         task, talk = judge_apart(logits, batch, choices)
         is_imitated = torch.from_numpy(points.tried[rows, 0] == NOT_TRIED)
-        return judged, -(task.log_prob * is_imitated + talk.log_prob).mean()
+        is_imitated &= task.log_prob > OUT_OF_REACH
+        return judged, -(torch.where(is_imitated, task.log_prob, 0.0) + talk.log_prob).mean()
 
     def _operators(self, rows):
         points = self.points
@@ -103,8 +105,8 @@ def scores_of(logits: RobotLogits, edges: Tensor) -> Tensor:
 
 
 def regression(scores: Tensor, targets: Tensor) -> Tensor:
-    """Mean square of what centred scores [N, C] are off their targets, where there are any."""
-    is_there = ~targets.isnan()
-    count = is_there.sum(dim=1, keepdim=True).clamp(min=1)
-    off = scores - (scores * is_there).sum(dim=1, keepdim=True) / count - targets.nan_to_num()
+    """Mean square of what centred scores [N, C] are off centred targets, where there are any and the method can choose."""
+    is_there = ~targets.isnan() & (scores > OUT_OF_REACH)
+    off = torch.where(is_there, scores - targets.nan_to_num(), 0.0)
+    off = off - off.sum(dim=1, keepdim=True) / is_there.sum(dim=1, keepdim=True).clamp(min=1)
     return (off**2 * is_there).sum() / is_there.sum().clamp(min=1)

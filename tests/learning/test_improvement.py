@@ -9,7 +9,7 @@ from strategies import change
 from commhg_mj.base.terms import IDLE, KEEP
 from commhg_mj.learning import improvement
 from commhg_mj.learning.fitting import EPOCHS, Fit, centred, regression, scores_of
-from commhg_mj.learning.heads import RobotLogits
+from commhg_mj.learning.heads import LEFT_OUT, RobotLogits
 from commhg_mj.learning.improvement import Improvement
 from commhg_mj.learning.learned_policy import LearnedPolicy
 from commhg_mj.learning.points import N_PICKED, N_TRIED, NOT_TRIED, Gatherer, join_points, load_points, save_points
@@ -88,6 +88,7 @@ def test_scores_of_alternatives_are_those_of_their_edges_and_losses_forget_what_
     assert target[1, [0, 2]].tolist() == [-1.0, 1.0] and target[1].isnan().tolist() == [False, True, False, True]
     assert regression(scores + 7.0, target[:1]) == pytest.approx(0.0, abs=1e-6)
     assert regression(torch.tensor([[0.0, 9.0, 4.0, 9.0]]), target[1:]) == pytest.approx(1.0)
+    assert regression(torch.tensor([[LEFT_OUT, 3.0, 6.0, 7.0]]), target[:1]) == pytest.approx(0.0)
 
 
 @pytest.mark.parametrize("name", MAY_READ)
