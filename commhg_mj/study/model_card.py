@@ -19,8 +19,8 @@ CARD = """# {method} for {scenario}
 Weights: `{name}.safetensors`. Written by `commhg-mj publish`; nothing here is typed in by hand.
 
 ## Training
-{missions:,} missions, {decisions:,} robot decisions, {updates} updates in {minutes:.0f} CPU-minutes; the weights that it began
-with had cost {before:.0f}.
+{missions:,} missions, {decisions:,} decisions to learn from, {updates} updates in {minutes:.0f} CPU-minutes; the weights that
+it began with had cost {before:.0f}.
 
 ```json
 {plan}
@@ -73,14 +73,15 @@ def make_card(path, n_missions: int, links: str, limitation: str, workers: int, 
     greedy, _, omniscient, learned = (row["twcr"].mean for row in rows)
     gap = f"{(learned - greedy) / (omniscient - greedy):.0%}" if omniscient > greedy else "there is none"
     lacking = compare_scores({policy: flights[policy] for policy in (own, *variants)})
-    name = f"{name_of(method, facts['plan'])}-{scenario.name}"
+    called = name_of(method, facts["plan"])
+    name = f"{called}-{scenario.name}"
     card = CARD.format(
-        method=method.name, scenario=scenario.name, name=name, missions=facts["missions"],
+        method=called, scenario=scenario.name, name=name, missions=facts["missions"],
         decisions=facts["decisions"], updates=facts["updates"], minutes=facts["cpu_seconds"] / 60,
         before=facts["cpu_seconds_before"] / 60, plan=json.dumps(facts["plan"] | {"scenario": scenario.name}, indent=2),
         n=n_missions, first=HELD_OUT, last=HELD_OUT + n_missions - 1, links=links, limitation=limitation,
-        scores=_lines(rows, own, method.name), gap=gap,
-        lacking=_lines(lacking, own, method.name),
+        scores=_lines(rows, own, called), gap=gap,
+        lacking=_lines(lacking, own, called),
         talk="\n".join(f"| {FIGURES[name]} | {value} |" for name, value in mean_figures([f for _, f in flights[own]]).items()),
     )  # fmt: skip
     return name, card
