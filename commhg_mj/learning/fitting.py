@@ -20,7 +20,7 @@ UNIT = 0.06  # mean tasks that a logit stands for
 EPOCHS, MINIBATCH, RATE, LAST_RATE = 6, 512, 2e-3, 0.05  # the rate falls to that share of it
 DECAY = 0.01  # of weights
 JUDGED, IMITATED = 10.0, 0.3  # weights of the losses: of what luck leaves of a judgement, little is worth learning
-TRUST = 0.75, 3.0  # see PlanReader; what operators' alternatives are worth is hardly learned
+TRUST = 1.5, 3.0  # see PlanReader; what operators' alternatives are worth is hardly learned
 
 
 class Fit:
