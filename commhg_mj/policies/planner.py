@@ -66,7 +66,7 @@ ABLATIONS = {
     "clocked": Plan(speaks_up=False),
     "no-query": Plan(asks=False),
     "plain-worth": Plan(weighs=False),
-    "persistent-operators": Plan(persists=True),
+    "persistent": Plan(persists=True),
 }
 
 

@@ -169,7 +169,7 @@ def test_tasks_that_are_urgent_or_hard_or_done_soon_come_first():
 
 def test_operators_persist_hold_on_and_rest_when_tired():
     pilot = Pilot(plain(telemetry_period=1.0, service_base=200.0, difficulty=(1.0, 1.0), generalist=(0.2, 0.2)))
-    planner = Planner(pilot.batch, ABLATIONS["persistent-operators"])
+    planner = Planner(pilot.batch, ABLATIONS["persistent"])
     pilot.wait(8)
     seen = copied(pilot.batch.observations)
     first = planner(seen).operator[0]
