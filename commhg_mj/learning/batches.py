@@ -48,6 +48,19 @@ def robot_batch(graphs: RobotGraphs, n_tasks: int) -> RobotBatch:
     return RobotBatch(**kept, rows=rows, peer_rows=peer_rows)
 
 
+def shifted(edges: np.ndarray, by) -> np.ndarray:
+    """Edges, or choices that may be some, whose edges have other numbers now."""
+    return np.where(edges >= 0, edges + by, edges)
+
+
+def pick_batch(graphs: RobotGraphs, public: np.ndarray, rows: np.ndarray) -> tuple[RobotBatch, Tensor, np.ndarray]:
+    """(some rows as a batch, the public table of the worlds in it alone, [N] what to add to an edge's number for its new one)."""
+    picked, shift = pick_robots(graphs, rows)
+    worlds, index = np.unique(picked.mission, return_inverse=True)
+    table = torch.from_numpy(public[worlds].reshape(-1, public.shape[2]))
+    return robot_batch(picked._replace(mission=index), public.shape[1]), table, shift
+
+
 def join_robots(parts: list[RobotGraphs]) -> RobotGraphs:
     """The graphs of several steps, one after the other."""
     columns = {name: np.concatenate(arrays) for name, arrays in zip(RobotGraphs._fields, zip(*parts))}
@@ -56,7 +69,7 @@ def join_robots(parts: list[RobotGraphs]) -> RobotGraphs:
         starts = np.cumsum([0] + [pointer[-1] for pointer in pointers])
         columns[name] = np.concatenate([[0]] + [pointer[1:] + start for pointer, start in zip(pointers, starts)])
         if name == "task_ptr":
-            own = [np.where(part.own_edge >= 0, part.own_edge + start, -1) for part, start in zip(parts, starts)]
+            own = [shifted(part.own_edge, start) for part, start in zip(parts, starts)]
             columns["own_edge"] = np.concatenate(own)
     return RobotGraphs(**columns)
 
@@ -68,7 +81,7 @@ def pick_robots(graphs: RobotGraphs, rows: np.ndarray) -> tuple[RobotGraphs, np.
     shift = task_ptr[:-1] - graphs.task_ptr[rows]
     of_edges = dict.fromkeys(OF_TASKS, edges) | dict.fromkeys(OF_PEERS, peers)
     picked = {name: array[of_edges.get(name, rows)] for name, array in graphs._asdict().items() if not name.endswith("_ptr")}
-    own = np.where(picked["own_edge"] >= 0, picked["own_edge"] + shift, -1)
+    own = shifted(picked["own_edge"], shift)
     return RobotGraphs(**picked | {"task_ptr": task_ptr, "peer_ptr": peer_ptr, "own_edge": own}), shift
 
 

@@ -1,8 +1,4 @@
-"""Policy improvement by simulated alternatives: gather points, then learn what each alternative was worth beside the others.
-
-Rollout classification policy iteration (Lagoudakis and Parr 2003) by regression. A run is a folder, and goes on to the same bits
-after any interruption: blocks of points are files, and the fit begins anew.
-"""
+"""Learning from points: what each alternative was worth beside the others by regression, everything else by imitation."""
 
 from collections.abc import Iterator
 
@@ -11,10 +7,11 @@ import torch
 from torch import Tensor
 
 from ..base.terms import KEEP
-from .batches import legal_picks, operator_batch, pick_robots, robot_batch
+from .batches import legal_picks, operator_batch, pick_batch, shifted
 from .heads import RobotChoices, RobotLogits, judge_apart, judge_operators, tensors_of
-from .points import NOT_TRIED, Points, shifted
+from .points import NOT_TRIED, Points
 from .ppo import OUT_OF_REACH
+from .weights import OF_CRITIC
 
 UNIT = 0.06  # mean tasks that a logit stands for
 EPOCHS, MINIBATCH, RATE, LAST_RATE = 6, 512, 2e-3, 0.05  # the rate falls to that share of it
@@ -65,10 +62,8 @@ class Fit:
     def _robots(self, rows):
         """(loss of alternatives' scores, of what is imitated) of some robots' decisions."""
         points = self.points
-        graphs, shift = pick_robots(points.robots, rows)
-        worlds, index = np.unique(graphs.mission, return_inverse=True)
-        batch = robot_batch(graphs._replace(mission=index), points.public.shape[1])
-        logits = self.method.robot_logits(batch, torch.from_numpy(points.public[worlds].reshape(-1, points.public.shape[2])))
+        batch, public, shift = pick_batch(points.robots, points.public, rows)
+        logits = self.method.robot_logits(batch, public)
         task, *others = (column[rows] for column in points.taught)
         choices = tensors_of(RobotChoices(shifted(task, shift), *others))
         scores = scores_of(logits, torch.from_numpy(shifted(points.tried[rows], shift[:, None])))
@@ -89,7 +84,7 @@ class Fit:
 
 def actors_of(method) -> list:
     """The parameters that decide; not the critic's."""
-    return [parameter for name, parameter in method.named_parameters() if not name.startswith("critic.")]
+    return [parameter for name, parameter in method.named_parameters() if not name.startswith(OF_CRITIC)]
 
 
 def centred(worth: np.ndarray, is_there: np.ndarray) -> np.ndarray:

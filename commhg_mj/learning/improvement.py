@@ -4,7 +4,6 @@ Rollout classification policy iteration (Lagoudakis and Parr 2003), by regressio
 after any interruption: each block of points is a file, and the fit begins anew.
 """
 
-import json
 import time
 from collections.abc import Iterator
 
@@ -16,8 +15,7 @@ from .distributed import ALONE, ProcessGroup
 from .fitting import EPOCHS, Fit
 from .points import Gatherer, join_points, load_points, save_points
 from .registry import make_method
-from .run_log import Log
-from .train import TRAINING_SEEDS, WEIGHTS, Plan, begin_with, plan_to_json
+from .train import TRAINING_SEEDS, WEIGHTS, Plan, Run, begin_with
 from .validation import Validation
 from .weights import load_weights, save_weights
 
@@ -25,7 +23,7 @@ POINTS, FIT = "points", 1
 GATHERING = 0.85  # share of the seconds of CPU that may be spent; the fit needs the rest
 
 
-class Improvement:
+class Improvement(Run):
     """One run of a plan that learns by rollouts; made anew, it goes on where it stood.
 
     >>> for row in Improvement(plan, "runs/x").run():
@@ -43,7 +41,7 @@ class Improvement:
         self.cpu_before = begin_with(self.method, plan.init) if plan.init else 0.0
         self.validation = Validation(plan.scenario, plan.links, plan.limitation)
         self.n_blocks = -(-plan.missions // plan.side_by_side)
-        self.cpu_seconds, self.updates, self.missions, self.points, self.written = 0.0, 0, 0, 0, None
+        self.cpu_seconds, self.updates, self.missions, self.decisions, self.written = 0.0, 0, 0, 0, None
 
     @property
     def is_done(self) -> bool:
@@ -74,8 +72,8 @@ class Improvement:
             facts = load_points(path)[1] if path.exists() else self._write(block, path)
         blocks = min(self.group.size, self.n_blocks - self.updates)
         seconds, points, twcr = self.group.total(*(facts[name] for name in ("cpu_seconds", "points", "twcr")))
-        self.updates, self.cpu_seconds, self.points = self.updates + blocks, self.cpu_seconds + seconds, self.points + int(points)
-        self.missions = self.updates * self.plan.side_by_side
+        self.updates, self.cpu_seconds = self.updates + blocks, self.cpu_seconds + seconds
+        self.missions, self.decisions = self.updates * self.plan.side_by_side, self.decisions + int(points)
         return self._row(rate=points / seconds, twcr=twcr / blocks)
 
     def _write(self, block, path):
@@ -105,16 +103,5 @@ class Improvement:
 
     def _row(self, **known):
         unknown = dict.fromkeys(("rate", "twcr", "task_loss", "pick_loss", "imitation", "validation"), float("nan"))
-        counts = {"update": self.updates, "missions": self.missions, "points": self.points, "cpu_seconds": self.cpu_seconds}
+        counts = {"update": self.updates, "missions": self.missions, "points": self.decisions, "cpu_seconds": self.cpu_seconds}
         return counts | unknown | known
-
-    def facts(self) -> dict:
-        """What a model card says of the training."""
-        counts = {"missions": self.missions, "decisions": self.points, "updates": self.updates}
-        spent = {"cpu_seconds": round(self.cpu_seconds), "cpu_seconds_before": round(self.cpu_before)}
-        return {"plan": json.loads(plan_to_json(self.plan)), **spent, **counts}
-
-    def log(self, row: dict) -> None:
-        """Append a row to the run's log."""
-        self.written = self.written or Log(self.folder, row)
-        self.written.write(row)

@@ -8,8 +8,8 @@ from ..base.terms import IDLE
 from ..mission.estimate import expected_seconds, expected_wait, regret
 from ..mission.records import is_compatible
 from ..mission.service import autonomous_seconds, autonomous_success, timeliness
-from ..policies.assignment import assign
-from ..policies.planner import WHOLE, expected_success, is_settled, own_part, rate_team, remember
+from ..policies.assignment import reduced_cost
+from ..policies.planner import WHOLE, assign_team, expected_success, is_settled, own_part, remember
 
 MINUTE, HORIZON, CLOSE = 60.0, 200.0, 20.0  # s
 MOST = 3.0  # bound of shares of the best worth, and of seconds over HORIZON
@@ -34,8 +34,7 @@ def write_plan(rules, scale, desk, memory, seen, i, out, edges, first):
     """
     robot, tasks, a = seen.robots[i], seen.robot_tasks[i], desk.assignment
     taken = memory.taken[robot.mission, robot.robot]
-    n_open, rows = rate_team(rules, WHOLE, desk, taken, seen, i)
-    assign(a, rows, n_open)
+    n_open, rows = assign_team(rules, WHOLE, desk, taken, seen, i)
     pick = robot.task if is_settled(robot) else own_part(desk)
     backlog, best = expected_wait(rules, n_open, seen.robot_peers.shape[1]), NOTHING
     for column in range(n_open):
@@ -80,7 +79,7 @@ def write_market(a, column, rows, best, edge):
     edge.worth, edge.price = worth / best, min(MOST, -a.column_price[column + 1] / best)
     edge.reduced_cost = MOST
     if worth > 0.0:
-        edge.reduced_cost = min(MOST, max(0.0, -worth - a.row_price[1] - a.column_price[column + 1]) / best)
+        edge.reduced_cost = min(MOST, max(0.0, reduced_cost(a, 1, column + 1)) / best)
     others = 0.0
     for row in range(1, rows):
         others = max(others, a.worth[row, column])

@@ -14,7 +14,7 @@ from ..mission.batch import MissionBatch, stay
 from ..mission.observe import Observations
 from ..policies.alternatives import OPERATOR, ROBOT, Alternatives, list_candidates
 from ..policies.planner import WHOLE, choose, is_settled, new_desk, new_memory, talk
-from .batches import join_operators, join_robots, pick_robots
+from .batches import join_operators, join_robots, pick_robots, shifted
 from .features import REPORT
 from .graphs import GraphBuilder, OperatorGraphs, RobotGraphs
 from .heads import RobotChoices
@@ -30,6 +30,7 @@ OPERATOR_FREE, OPERATOR_BUSY = 0.08, 0.01
 EXPLORED = 0.1  # share of points at which one of the alternatives is flown in place of the planner's pick
 LUCK = 1 << 40, 1 << 50  # seeds of flights; no mission has one of them
 GAIN = REPORT.index("gain")
+TABLES = {"robots": RobotGraphs, "operators": OperatorGraphs, "taught": RobotChoices}  # of points, in their file column by column
 
 
 class Points(NamedTuple):
@@ -154,11 +155,6 @@ def _join(steps, public) -> Points:
     )  # fmt: skip
 
 
-def shifted(edges: np.ndarray, by) -> np.ndarray:
-    """Choices whose edges have other numbers now."""
-    return np.where(edges >= 0, edges + by, edges)
-
-
 def join_points(parts: list[Points]) -> Points:
     """The points of several blocks, one after the other."""
     worlds = np.cumsum([0] + [len(part.public) for part in parts])
@@ -169,11 +165,9 @@ def join_points(parts: list[Points]) -> Points:
 
 def save_points(points: Points, path, facts: dict) -> None:
     """Write points and numbers about them, whole or not at all."""
-    arrays = {}
-    for name, value in points._asdict().items():
-        arrays |= {f"{name}.{field}": column for field, column in value._asdict().items()} if hasattr(value, "_fields") else {
-            name: value
-        }
+    arrays = {name: getattr(points, name) for name in Points._fields if name not in TABLES}
+    for name in TABLES:
+        arrays |= {f"{name}.{field}": column for field, column in getattr(points, name)._asdict().items()}
     with whole_file(path) as draft, open(draft, "wb") as file:
         np.savez(file, **arrays, **{f"facts.{name}": value for name, value in facts.items()})
 
@@ -184,14 +178,12 @@ def load_points(path) -> tuple[Points, dict]:
     Raises:
       ValueError: it is damaged; the message names it.
     """
-    parts = {"robots": RobotGraphs, "operators": OperatorGraphs, "taught": RobotChoices}
     try:
         with np.load(path, allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
-        columns = {
-            name: parts[name](*(arrays[f"{name}.{field}"] for field in parts[name]._fields)) if name in parts else arrays[name]
-            for name in Points._fields
-        }
+        columns = {name: arrays[name] for name in Points._fields if name not in TABLES}
+        for name, table in TABLES.items():
+            columns[name] = table(*(arrays[f"{name}.{field}"] for field in table._fields))
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
         raise ValueError(f"{path} is damaged, or holds no points of this version ({type(error).__name__})") from None
     return Points(**columns), {name[6:]: value.item() for name, value in arrays.items() if name.startswith("facts.")}

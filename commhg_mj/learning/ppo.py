@@ -9,7 +9,7 @@ import torch
 from torch import nn
 
 from ..base.arguments import number, one_of, positive, whole
-from .batches import legal_picks, operator_batch, pick_robots, robot_batch
+from .batches import legal_picks, operator_batch, pick_batch, shifted
 from .critic import Agents, Local, judge_values
 from .distributed import ALONE, ProcessGroup
 from .heads import LEFT_OUT, Likelihood, RobotChoices, judge_operators, judge_robots, tensors_of
@@ -153,16 +153,12 @@ class Learner:
     def minibatch(self, data: Experience, states: np.ndarray) -> Minibatch:
         """All decisions that were made in some rising states."""
         rows = robots, operators = _rows_in(data.robot_state, states), _rows_in(data.operator_state, states)
-        graphs, shift = pick_robots(data.robots, robots)
-        # Only the worlds of the minibatch are encoded.
-        worlds, index = np.unique(graphs.mission, return_inverse=True)
-        batch = self._tensors(robot_batch(graphs._replace(mission=index), data.public.shape[1]))
-        public = self._tensor(data.public[worlds].reshape(-1, data.public.shape[2]))
+        batch, public, shift = pick_batch(data.robots, data.public, robots)
         task, *others = (column[robots] for column in data.robot_choices)
-        choices = RobotChoices(np.where(task >= 0, task + shift, task), *others)
+        choices = RobotChoices(shifted(task, shift), *others)
         at = (data.robot_state, data.robots.robot, robots), (data.operator_state, data.operators.operator, operators)
         return Minibatch(
-            rows, Local(batch, public, self._tensors(operator_batch(data.operators, operators))),
+            rows, Local(self._tensors(batch), public.to(self.device), self._tensors(operator_batch(data.operators, operators))),
             self._tensors(tensors_of(choices)), self._tensor(data.operator_choices[operators]),
             States(*(self._tensor(array[states]) for array in data.states)),
             *(Agents(self._tensor(np.searchsorted(states, state[mine])), self._tensor(agent[mine])) for state, agent, mine in at),

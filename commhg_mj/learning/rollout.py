@@ -10,7 +10,7 @@ from ..mission.batch import MissionBatch
 from ..mission.decide import Decisions
 from ..policies import POLICIES
 from .advantage import estimate_advantages
-from .batches import RobotBatch, join_operators, join_robots, legal_picks, operator_batch, pick_robots, robot_batch
+from .batches import RobotBatch, join_operators, join_robots, legal_picks, operator_batch, pick_robots, robot_batch, shifted
 from .critic import N_PARTS, Agents, Local, judge_values
 from .first_targets import assign, beginners, take_turns
 from .graphs import GraphBuilder, OperatorGraphs, RobotGraphs
@@ -302,7 +302,7 @@ def picks_of(operator: np.ndarray) -> np.ndarray:
 def join_choices(robots: list[RobotGraphs], choices: list[RobotChoices]) -> RobotChoices:
     """The choices of several steps, with edges as `join_robots` numbers them."""
     starts = np.cumsum([0] + [len(part.task) for part in robots])
-    tasks = [np.where(part.task >= 0, part.task + start, part.task) for part, start in zip(choices, starts)]
+    tasks = [shifted(part.task, start) for part, start in zip(choices, starts)]
     return RobotChoices(np.concatenate(tasks), *(np.concatenate(column) for column in list(zip(*choices))[1:]))
 
 

@@ -28,11 +28,7 @@ from .weights import load_weights, save_weights
 
 FORMAT = "commhg_mj training 6"
 STATE, WEIGHTS, CLONED = "state.pt", "weights.safetensors", "cloned.safetensors"
-LEARNERS = {
-    "clone": "imitation of the teacher",
-    "ppo": "proximal policy optimisation (ppo.py)",
-    "rollouts": "policy improvement by simulated alternatives (improvement.py)",
-}
+LEARNERS = ("clone", "ppo", "rollouts")  # imitation of the teacher; ppo.py; improvement.py
 TEACHERS = ("greedy", "planner")
 TRAINING_SEEDS = 10**6  # missions of training seed s begin at (1 + s) times this; evaluation stays far below
 VALIDATE_EVERY = 20  # updates
@@ -76,7 +72,22 @@ class Plan:
             object.__setattr__(self, name, value)
 
 
-class Training:
+class Run:
+    """What a run of any learner says of itself; it has a plan, a folder, counts, and `written`, its log once it is begun."""
+
+    def facts(self) -> dict:
+        """What a model card says of the training."""
+        counts = {"missions": self.missions, "decisions": self.decisions, "updates": self.updates}
+        spent = {"cpu_seconds": round(self.cpu_seconds), "cpu_seconds_before": round(self.cpu_before)}
+        return {"plan": json.loads(plan_to_json(self.plan)), **spent, **counts}
+
+    def log(self, row: dict) -> None:
+        """Append an update's row to the run's log; before `save`, as a resumed run writes it again."""
+        self.written = self.written or Log(self.folder, row)
+        self.written.write(row)
+
+
+class Training(Run):
     """One run of a plan that clones or learns by PPO.
 
     >>> training = Training(plan, "runs/x")
@@ -197,17 +208,6 @@ class Training:
         with whole_file(self.folder / STATE) as draft:
             draft.write_bytes(content.getbuffer())
 
-    def facts(self) -> dict:
-        """What a model card says of the training."""
-        counts = {"missions": self.missions, "decisions": self.decisions, "updates": self.updates}
-        spent = {"cpu_seconds": round(self.cpu_seconds), "cpu_seconds_before": round(self.cpu_before)}
-        return {"plan": json.loads(plan_to_json(self.plan)), **spent, **counts}
-
-    def log(self, row: dict) -> None:
-        """Append an update's row to the run's log; before `save`, as a resumed run writes it again."""
-        self.written = self.written or Log(self.folder, row)
-        self.written.write(row)
-
     @classmethod
     def resume(cls, folder, group: ProcessGroup = ALONE, device: str = "cpu") -> "Training":
         """The run in a folder, where it stood.
@@ -252,7 +252,7 @@ def check_learner(learner) -> tuple[str, ...]:
     """
     found = tuple(names("learner", learner))
     for name in found:
-        one_of("learner", name, list(LEARNERS))
+        one_of("learner", name, LEARNERS)
     if "clone" in found[1:]:
         raise ValueError(f"learner: clone comes first, not in {','.join(found)}: what was learned before it would be lost")
     return found

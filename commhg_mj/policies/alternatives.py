@@ -9,16 +9,16 @@ from typing import NamedTuple
 import numpy as np
 
 from ..base.kernels import kernel
-from ..base.terms import KEEP, NOBODY, REST
-from ..mission.batch import MissionBatch, advance_and_observe
-from ..mission.decide import Decisions, apply_decisions, new_masks
+from ..base.terms import KEEP, REST
+from ..mission.batch import MissionBatch
+from ..mission.decide import apply_decisions, new_masks
 from ..mission.observe import new_observations
 from ..mission.recorder import Log, new_log
 from ..mission.score import twcr
 from ..mission.state import State, new_state, wire
-from .assignment import assign
-from .planner import WHOLE, Memory, choose, new_desk, new_memory, own_part, rate_team, talk
-from .whole_missions import first_masks, first_rows
+from .assignment import reduced_cost
+from .planner import WHOLE, Memory, assign_team, choose, new_desk, new_memory, own_part, talk
+from .whole_missions import await_due, new_decisions
 
 ROBOT, OPERATOR = 0, 1  # roles
 OF_STATE = [f"{name}_at" for name in State._fields if name != "missions"] + [f"log_{name}_at" for name in Log._fields]
@@ -43,17 +43,14 @@ class Alternatives:
 
     def __init__(self, batch: MissionBatch, n: int):
         scenario = batch.scenario
-        self.batch, self.n = batch, n
+        self.batch = batch
         self.state, self.log = new_state(n, scenario), new_log(n, scenario, False)
         for k in range(n):
             wire(self.state, self.log, k, batch.grounds[0])
         self.addresses = self.state.missions[OF_STATE].copy()
         self.memory, self.desk = new_memory(n, scenario), new_desk(scenario)
         self.seen, self.masks = new_observations(1, scenario), new_masks(1, scenario)
-        r, h = scenario.n_robots, scenario.n_operators
-        self.decisions = Decisions(
-            np.zeros(r, np.int32), np.zeros(r, bool), np.full(r, NOBODY, np.int32), np.zeros(r, bool), np.zeros(h, np.int32)
-        )
+        self.decisions = new_decisions(scenario)
 
     def judge(self, e: int, memory: Memory, role: int, actor: int, choices, seeds) -> tuple[np.ndarray, np.ndarray]:
         """(TWCR at the end, reward from now on) [choices, seeds] of the due actor's alternatives in mission e of the batch.
@@ -93,18 +90,14 @@ def fly_all_on(missions, rules, desk, memory, seen, masks, decisions, role, acto
 @kernel
 def fly_on(one, rules, desk, memory, seen, masks, decisions, tried):
     """Fly one mission to its end by the planner, but for what is tried."""
-    at_once, earned, is_held = np.zeros(1, np.int64), np.zeros((1, 2)), True
+    is_held = True
     while not one[0].over:
-        i, k = advance_and_observe(one, at_once, 1.0, earned, seen, masks)
-        due = first_rows(seen, i, k)
-        chosen = Decisions(
-            decisions.task[:i], decisions.broadcast[:i], decisions.query[:i], decisions.assist[:i], decisions.operator[:k]
-        )
+        due, open_to, chosen = await_due(one, seen, masks, decisions)
         choose(rules, WHOLE, desk, memory, due, chosen)
         if is_held:
             is_held = hold(tried, due, chosen, one[0].now == tried.begins)
         talk(WHOLE, memory, due, chosen)
-        apply_decisions(one, first_masks(masks, i, k), chosen)
+        apply_decisions(one, open_to, chosen)
 
 
 @kernel
@@ -137,14 +130,13 @@ def hold(tried, due, chosen, is_first):
 def list_candidates(rules, desk, memory, seen, i, found):
     """Fill in what robot row i may choose: the planner's pick, then open tasks by what the team would lose; returns how many."""
     robot, tasks, a = seen.robots[i], seen.robot_tasks[i], desk.assignment
-    n_open, rows = rate_team(rules[0], WHOLE, desk, memory.taken[robot.mission, robot.robot], seen, i)
-    assign(a, rows, n_open)
+    n_open, _ = assign_team(rules[0], WHOLE, desk, memory.taken[robot.mission, robot.robot], seen, i)
     found[0], costs, n = own_part(desk), np.zeros(n_open + 1), 1
     for column in range(n_open):
         j = desk.tasks[column]
         if j == found[0] or not (tasks[j].legal or (j == robot.task and robot.can_keep)):
             continue
-        cost, place = -a.worth[0, column] - a.row_price[1] - a.column_price[column + 1], n
+        cost, place = reduced_cost(a, 1, column + 1), n
         while place > 1 and costs[place - 1] > cost:
             found[place], costs[place] = found[place - 1], costs[place - 1]
             place -= 1

@@ -59,6 +59,12 @@ def assign(a, rows, columns):
 
 
 @kernel
+def reduced_cost(a, row, column):
+    """What the sum loses if this row gets this column, once all are assigned; both count from 1."""
+    return -a.worth[row - 1, column - 1] - a.row_price[row] - a.column_price[column]
+
+
+@kernel
 def shortest_path(a, row, wide):
     """The free column at the end of the cheapest alternating path from a row that has none yet; prices stay dual."""
     a.row_of[NONE] = row
@@ -70,7 +76,7 @@ def shortest_path(a, row, wide):
         row, step, nearest = a.row_of[last], np.inf, NONE
         for column in range(1, wide + 1):
             if not a.is_reached[column]:
-                cost = -a.worth[row - 1, column - 1] - a.row_price[row] - a.column_price[column]
+                cost = reduced_cost(a, row, column)
                 if cost < a.slack[column]:
                     a.slack[column] = cost
                     a.reached_from[column] = last

@@ -74,14 +74,12 @@ class Desk(NamedTuple):
     """Scratch of one decision."""
 
     tasks: np.ndarray  # [T] open ones, a column of the assignment each
-    members: np.ndarray  # [R] robots, a row of it each: first the one that decides, then the peers that it knows
     assignment: Assignment
 
 
 def new_desk(scenario) -> Desk:
     """Room for the decisions of any robot of a scenario."""
-    t, r = scenario.n_tasks, scenario.n_robots
-    return Desk(np.zeros(t, np.int64), np.zeros(r, np.int64), new_assignment(r, t))
+    return Desk(np.zeros(scenario.n_tasks, np.int64), new_assignment(scenario.n_robots, scenario.n_tasks))
 
 
 class Memory(NamedTuple):
@@ -192,10 +190,9 @@ def own_plan(robot, choice):
 def choose_task(rules, plan, desk, taken, observations, i):
     """KEEP, IDLE or the task that falls to robot row i."""
     robot, tasks = observations.robots[i], observations.robot_tasks[i]
-    n_open, rows = rate_team(rules, plan, desk, taken, observations, i)
+    n_open, _ = assign_team(rules, plan, desk, taken, observations, i)
     best, choice = 0.0, IDLE
     if plan.assigns:
-        assign(desk.assignment, rows, n_open)
         choice = own_part(desk)
     else:
         for column in range(n_open):
@@ -207,20 +204,22 @@ def choose_task(rules, plan, desk, taken, observations, i):
 
 
 @kernel
-def rate_team(rules, plan, desk, taken, observations, i):
-    """Fill the desk with what robot row i thinks open tasks are worth to it and to peers; returns how many (tasks, robots)."""
+def assign_team(rules, plan, desk, taken, observations, i):
+    """Rate open tasks for robot row i and, if the plan assigns, for the peers that it knows, who gets which; (tasks, robots).
+
+    The robot itself is the first row of the assignment on the desk.
+    """
     robot, tasks, peers = observations.robots[i], observations.robot_tasks[i], observations.robot_peers[i]
     n_open = list_open(tasks, desk.tasks)
     backlog = expected_wait(rules, n_open, peers.shape[0])
     worth, rows = desk.assignment.worth, 1
     rate_own(rules, plan, robot, tasks, taken, desk.tasks[:n_open], backlog, worth[0])
-    desk.members[0] = robot.robot
     if plan.assigns:
         for k in range(peers.shape[0]):
             if k != robot.robot and peers[k].age >= 0.0 and peers[k].activity != FAILED:
                 rate_peer(rules, plan, robot.time, peers[k], tasks, desk.tasks[:n_open], backlog, worth[rows])
-                desk.members[rows] = k
                 rows += 1
+        assign(desk.assignment, rows, n_open)
     return n_open, rows
 
 
