@@ -48,11 +48,17 @@ def regret(rules, task, seconds, now, backlog):
 
 
 @kernel
+def session_seconds(rules, proficiency, fatigue, embodiment, distance, progress, difficulty):
+    """Seconds of control, handover first, until a robot's current attempt ends."""
+    service = autonomous_seconds(rules, difficulty) * (1.0 - progress) * slowdown(rules, proficiency, fatigue)
+    return 1.0 + rules.handover + distance / rules.speed[1, embodiment] + service
+
+
+@kernel
 def control_gain(rules, proficiency, fatigue, embodiment, distance, progress, difficulty, value, deadline, decay, now):
     """What control would add, per second, to the rest of a robot's current attempt; negative if it harms."""
-    base = autonomous_seconds(rules, difficulty) * (1.0 - progress)
-    alone = 1.0 + distance / rules.speed[0, embodiment] + base
-    controlled = 1.0 + rules.handover + distance / rules.speed[1, embodiment] + base * slowdown(rules, proficiency, fatigue)
+    alone = 1.0 + distance / rules.speed[0, embodiment] + autonomous_seconds(rules, difficulty) * (1.0 - progress)
+    controlled = session_seconds(rules, proficiency, fatigue, embodiment, distance, progress, difficulty)
     worth_alone = autonomous_success(rules, difficulty) * timeliness(deadline, decay, now + alone) / alone
     worth_controlled = (
         controlled_success(rules, difficulty, fatigue) * timeliness(deadline, decay, now + controlled) / controlled

@@ -28,8 +28,8 @@ UAV, CONTROLLED = int(Embodiment.UAV), int(Mode.CONTROLLED)
 SERVICING, TRAVELLING, FAILED = int(Activity.SERVICING), int(Activity.TRAVELLING), int(Activity.FAILED)
 DONE, SERVICED = int(Status.DONE), int(Status.SERVICED)
 FATIGUE = 0.3  # of the operator who may help
-LOYALTY = 1.5  # a robot's own task counts this many times: plans do not flicker
-HASTE = 0.3  # a task that takes e times as long counts exp(-HASTE) times, beside its worth a second: its robot is free later
+LOYALTY = 2.0  # a robot's own task counts this many times: plans do not flicker
+HASTE = 0.5  # a task that takes e times as long counts exp(-HASTE) times, beside its worth a second: its robot is free later
 URGENCY = 0.3  # one that is done long before its deadline counts exp(-URGENCY) times, one that is late by far exp(URGENCY)
 HARDNESS = 0.5  # the hardest count exp(HARDNESS) times: they need an operator, and time for another attempt
 SLACK = 50.0  # s before or after a deadline that are long
@@ -52,7 +52,7 @@ class Plan(NamedTuple):
     reckons: bool = True  # peers on their way on from where they reported
     speaks_up: bool = True  # broadcasts a change of plan at once; else by the clock of the fixed schedule
     weighs: bool = True  # what is done soon, urgent or hard counts more than its worth a second
-    persists: bool = False  # operators keep a robot until its task is done; else Greedy's operators
+    persists: bool = True  # operators keep a robot until its task is done, and count what a session costs; else Greedy's
     asks: bool = True  # operators, by the fixed schedule's rule
 
 
@@ -66,7 +66,7 @@ ABLATIONS = {
     "clocked": Plan(speaks_up=False),
     "no-query": Plan(asks=False),
     "plain-worth": Plan(weighs=False),
-    "persistent": Plan(persists=True),
+    "fickle": Plan(persists=False),
 }
 
 

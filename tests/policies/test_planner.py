@@ -8,7 +8,7 @@ from strategies import change
 from commhg_mj.base.terms import IDLE, KEEP, NOBODY, REST, Activity, Mode, Session, Status
 from commhg_mj.mission.batch import MissionBatch
 from commhg_mj.policies import find_policy, prepare
-from commhg_mj.policies.greedy import CLAIM_TRUST, TIRED
+from commhg_mj.policies.greedy import CLAIM_TRUST, TIRED, gain
 from commhg_mj.policies.planner import ABLATIONS, PERIOD, Plan, Planner
 from commhg_mj.policies.whole_missions import fly_whole
 from commhg_mj.scenarios import SCENARIOS
@@ -167,9 +167,9 @@ def test_tasks_that_are_urgent_or_hard_or_done_soon_come_first():
     assert [task_of(batch, seen, plan) for plan in (plain_worth, Plan())] == [1, 0], "near before a little more value"
 
 
-def test_operators_persist_hold_on_and_rest_when_tired():
+def test_operators_persist_and_rest_when_tired():
     pilot = Pilot(plain(telemetry_period=1.0, service_base=200.0, difficulty=(1.0, 1.0), generalist=(0.2, 0.2)))
-    planner = Planner(pilot.batch, ABLATIONS["persistent"])
+    planner, fickle = Planner(pilot.batch), Planner(pilot.batch, ABLATIONS["fickle"])
     pilot.wait(8)
     seen = copied(pilot.batch.observations)
     first = planner(seen).operator[0]
@@ -177,14 +177,28 @@ def test_operators_persist_hold_on_and_rest_when_tired():
     seen.operators["fatigue"] = TIRED
     assert planner(seen).operator[0] == REST
     seen.operators["session"], seen.operators["robot"], seen.operators["can_keep"] = Session.HELD, first, 1
-    seen.operators["since_bid"] = 1000.0
+    seen.operators["since_bid"], seen.operators["proficiency"] = 1000.0, 5.0
     seen.operator_reports["legal"][0, first] = 0
-    assert planner(seen).operator[0] == KEEP, "whatever the gain, until the task is done"
-    seen.operators["exempt"], seen.operators["fatigue"] = 1, 0.0
+    assert (planner(seen).operator[0], fickle(seen).operator[0]) == (KEEP, REST), "whatever the gain, until the task is done"
+    seen.operators["exempt"], seen.operators["fatigue"], seen.operators["proficiency"] = 1, 0.0, 0.2
+    assert planner(seen).operator[0] == KEEP, "its next task gains most, too"
     seen.operator_reports["task"][0, first] = NOBODY
-    assert planner(seen).operator[0] == KEEP, "it waits for the next task"
-    seen.operator_reports["activity"][0, first] = Activity.FAILED
     assert planner(seen).operator[0] not in (KEEP, first)
+
+
+def test_operators_count_what_a_session_costs_beside():
+    """Of two robots whose tasks gain alike by control in a second, the one whose control lasts longer is taken."""
+    pilot = Pilot(plain(telemetry_period=1.0, difficulty=(1.0, 1.0)))
+    planner, fickle = Planner(pilot.batch), Planner(pilot.batch, ABLATIONS["fickle"])
+    pilot.wait(8)
+    seen = copied(pilot.batch.observations)
+    reports = seen.operator_reports
+    reports[0] = reports[0, 0]
+    reports["legal"][0, 2:], reports["progress"][0] = 0, 0.0
+    reports["progress"][0, 0], reports["distance"][0] = 0.9, 0.0
+    gained = [gain(pilot.batch.rules, seen.operators[0], reports[0, r]) for r in (0, 1)]
+    reports["value"][0, 0] *= 1.01 * gained[1] / gained[0]
+    assert (fickle(seen).operator[0], planner(seen).operator[0]) == (0, 1)
 
 
 @pytest.mark.parametrize("name", ABLATIONS)
