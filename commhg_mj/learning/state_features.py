@@ -1,5 +1,6 @@
 """Every feature of the true state by name, for the critic alone."""
 
+from ..base.terms import Kind
 from . import features
 from .features import FLAG, LIMIT, SHARE, SIDE, SLACK, VALUE, Feature, Group
 
@@ -37,6 +38,17 @@ STATE_ROBOT = Group(
     true("slack", "until its task's deadline", SLACK, "task.deadline mission.now"),
     true("incompatible", "its task is not for it", FLAG, "task.type embodiment"),
     true("is_sure", "it has evidence on its task", FLAG, "belief.time"),
+    true("known_peers", "peers that it has heard of", SHARE, "peer.time"),
+    true("peers_age", "mean over them of how new their reports are", "exp(-s / 200 s)", "peer.time mission.now"),
+    true("wrong_peers", "peers that have another task by now than it knows", SHARE, "peer.task task"),
+    true("wrong_tasks", "open tasks that it takes for another status", SHARE, "belief.status status"),
+    true("station_age", "how new the station's report of it is", "exp(-s / 200 s)", "peer.time mission.now"),
+    true("station_error", "how far from it the station thinks it is", SIDE, "peer.x peer.y x y"),
+    true("query_waits", "a query is queued", FLAG, "uplink.since"),
+    true("request_waits", "a request is queued", FLAG, "uplink.since"),
+    true("telemetry_waits", "a report is queued", FLAG, "uplink.since"),
+    true("best_way", "to the nearest open task that nobody has, for ground robots by road", SIDE, "task.x task.y owner place"),
+    true("choices", "open tasks that nobody has and it can do", "tanh(n / 4)", "task.owner task.type"),
 )
 
 STATE_OPERATOR = Group(
@@ -52,6 +64,13 @@ STATE_OPERATOR = Group(
     true("robot_is_ugv", "its robot is a ground robot", FLAG, "robot robot.embodiment"),
     true("robot_servicing", "its robot is at work", FLAG, "robot robot.activity"),
     true("robot_difficulty", "of its robot's task", SHARE, "robot robot.task task.difficulty"),
+    true("robot_way", "from its robot to that one's task", SIDE, "robot robot.x robot.y task.x task.y"),
+    true("robot_value", "of its robot's task", VALUE, "robot robot.task task.value"),
+    true("robot_due", "until its robot's task is", SLACK, "robot robot.task task.deadline mission.now"),
+    true("report_age", "how new the station's report of that robot is", "exp(-s / 200 s)", "robot peer.time mission.now"),
+    true("has_control", "that robot obeys it", FLAG, "robot robot.controller"),
+    true("queue", "messages that wait in its downlink", "tanh(n / 4)", "downlink.since"),
+    true("requests", "robots that the station knows to have asked for help", SHARE, "peer.request_time"),
 )
 
 STATE_TASK = Group(
@@ -79,6 +98,7 @@ STATE_MISSION = Group(
     true("time_left", "until the end", "exp(-s / 200 s)", "now"),
     true("pending", "value that is not done yet", "total value", "pending_value total_value"),
     true("flying", "messages under way", "64", "flying"),
+    *(true(f"flying_{kind.name.lower()}", "of that kind under way", "16", "message.kind") for kind in Kind),
 )
 
 GROUPS = STATE_ROBOT, STATE_OPERATOR, STATE_TASK, STATE_MISSION

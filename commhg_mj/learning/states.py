@@ -5,10 +5,22 @@ from typing import NamedTuple
 import numpy as np
 
 from ..base.kernels import kernel
-from ..base.terms import NOBODY, Activity, Embodiment, Mode, Session, Status
-from ..mission.accessors import known_task, true_operator, true_robot, true_task
+from ..base.terms import NOBODY, Activity, Embodiment, Kind, Mode, Session, Status
+from ..mission.accessors import (
+    flying_of,
+    known_robot,
+    known_task,
+    message_at,
+    routes_of,
+    true_operator,
+    true_robot,
+    true_task,
+    uplink_of,
+)
 from ..mission.batch import MissionBatch
 from ..mission.estimate import attempt
+from ..mission.messages import count_waiting
+from ..mission.records import is_compatible
 from .features import LONG, columns_of
 from .graphs import MINUTE
 from .state_features import STATE_MISSION, STATE_OPERATOR, STATE_ROBOT, STATE_TASK
@@ -17,6 +29,9 @@ UGV, FAILED, SERVICED, DONE = int(Embodiment.UGV), int(Activity.FAILED), int(Sta
 TRAVELLING, SERVICING = int(Activity.TRAVELLING), int(Activity.SERVICING)
 HANDOVER, CONTROLLED = int(Mode.HANDOVER), int(Mode.CONTROLLED)
 BID, HELD = int(Session.BID), int(Session.HELD)
+N_KINDS, BROADCAST, TELEMETRY = len(Kind), int(Kind.BROADCAST), int(Kind.TELEMETRY)
+QUERY, REQUEST, REPLY = int(Kind.QUERY), int(Kind.REQUEST), int(Kind.REPLY)
+CONTROL, RENEWAL, RELEASE = int(Kind.CONTROL), int(Kind.RENEWAL), int(Kind.RELEASE)
 
 
 class States(NamedTuple):
@@ -59,6 +74,18 @@ def fill_states(missions, which, scale, states):
         out.time, out.time_left = m.now / scale.limit, np.exp(-(scale.limit - m.now) / LONG)
         out.pending = m.pending_value / m.total_value
         out.flying = m.flying / 64.0
+        write_messages(m, out)
+
+
+@kernel
+def write_messages(m, out):
+    """Messages under way, by kind."""
+    counts = np.zeros(N_KINDS)
+    for k in range(m.flying):
+        counts[message_at(m, flying_of(m, k).slot).kind] += 1.0 / 16.0
+    out.flying_broadcast, out.flying_telemetry = counts[BROADCAST], counts[TELEMETRY]
+    out.flying_query, out.flying_request, out.flying_reply = counts[QUERY], counts[REQUEST], counts[REPLY]
+    out.flying_control, out.flying_renewal, out.flying_release = counts[CONTROL], counts[RENEWAL], counts[RELEASE]
 
 
 @kernel
@@ -87,6 +114,50 @@ def write_state_robot(m, r, scale, out):
         out.seconds, out.slack = seconds / LONG, np.tanh((task.deadline - now) / LONG)
         out.incompatible = task.type != 2 and (task.type == 1) != (robot.embodiment == UGV)
         out.is_sure = known_task(m, r, robot.task).time >= 0.0
+    write_knowledge(m, r, robot, scale, out)
+    out.query_waits, out.request_waits = uplink_of(m, r, 0).since >= 0.0, uplink_of(m, r, 1).since >= 0.0
+    out.telemetry_waits = uplink_of(m, r, 2).since >= 0.0
+    write_choices(m, robot, scale, out)
+
+
+@kernel
+def write_knowledge(m, r, robot, scale, out):
+    """How new and how true the records of robot r are, and the station's of it."""
+    known, wrong, age = 0, 0, 0.0
+    for other in range(m.n_robots):
+        peer = known_robot(m, r, other)
+        if other != r and peer.time >= 0.0:
+            known += 1
+            wrong += peer.task != true_robot(m, other).task
+            age += np.exp(-(m.now - peer.time) / LONG)
+    others = max(1, m.n_robots - 1)
+    out.known_peers, out.peers_age, out.wrong_peers = known / others, age / max(1, known), wrong / others
+    mistaken, pending = 0, 0
+    for j in range(m.n_tasks):
+        task, belief = true_task(m, j), known_task(m, r, j)
+        if task.released and task.status != DONE:
+            pending += 1
+            mistaken += belief.time >= 0.0 and belief.status != task.status
+    out.wrong_tasks = mistaken / max(1, pending)
+    report = known_robot(m, m.n_robots, r)
+    if report.time >= 0.0:
+        dx, dy = report.x - robot.x, report.y - robot.y
+        out.station_age, out.station_error = np.exp(-(m.now - report.time) / LONG), np.sqrt(dx * dx + dy * dy) / scale.side
+
+
+@kernel
+def write_choices(m, robot, scale, out):
+    """Open tasks that nobody has and the robot can do: how many, and the way to the nearest."""
+    nearest, n, between = 1.0, 0, routes_of(m).between
+    for j in range(m.n_tasks):
+        task = true_task(m, j)
+        if task.released and task.status != DONE and task.owner == NOBODY and is_compatible(robot.embodiment, task.type):
+            dx, dy = task.x - robot.x, task.y - robot.y
+            way = np.sqrt(dx * dx + dy * dy)
+            if robot.embodiment == UGV and robot.place != NOBODY:
+                way = between[robot.place, j]
+            nearest, n = min(nearest, way / scale.side), n + 1
+    out.best_way, out.choices = nearest, np.tanh(n / 4.0)
 
 
 @kernel
@@ -100,7 +171,18 @@ def write_state_operator(m, h, scale, out):
     if operator.robot != NOBODY:
         robot = true_robot(m, operator.robot)
         out.robot_is_ugv, out.robot_servicing = robot.embodiment == UGV, robot.activity == SERVICING
-        out.robot_difficulty = true_task(m, robot.task).difficulty if robot.task != NOBODY else 0.0
+        out.has_control = robot.controller == h
+        report = known_robot(m, m.n_robots, operator.robot)
+        out.report_age = np.exp(-(m.now - report.time) / LONG) if report.time >= 0.0 else 0.0
+        if robot.task != NOBODY:
+            task = true_task(m, robot.task)
+            dx, dy = task.x - robot.x, task.y - robot.y
+            out.robot_difficulty, out.robot_value = task.difficulty, task.value / scale.value
+            out.robot_way, out.robot_due = np.sqrt(dx * dx + dy * dy) / scale.side, np.tanh((task.deadline - m.now) / LONG)
+    asked = 0
+    for r in range(m.n_robots):
+        asked += known_robot(m, m.n_robots, r).request_time >= max(0.0, m.now - MINUTE)
+    out.queue, out.requests = np.tanh(count_waiting(m, h) / 4.0), asked / m.n_robots
 
 
 @kernel

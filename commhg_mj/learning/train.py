@@ -26,7 +26,7 @@ from .run_log import Log
 from .validation import Validation
 from .weights import load_weights, save_weights
 
-FORMAT = "commhg_mj training 6"
+FORMAT = "commhg_mj training 7"
 STATE, WEIGHTS, CLONED = "state.pt", "weights.safetensors", "cloned.safetensors"
 LEARNERS = ("clone", "ppo", "rollouts")  # imitation of the teacher; ppo.py; improvement.py
 TEACHERS = ("greedy", "planner")
