@@ -41,13 +41,13 @@ STATE_ROBOT = Group(
     true("known_peers", "peers that it has heard of", SHARE, "peer.time"),
     true("peers_age", "mean over them of how new their reports are", "exp(-s / 200 s)", "peer.time mission.now"),
     true("wrong_peers", "peers that have another task by now than it knows", SHARE, "peer.task task"),
-    true("wrong_tasks", "open tasks that it takes for another status", SHARE, "belief.status status"),
+    true("wrong_tasks", "open tasks that it takes for another status", SHARE, "belief.status task.status"),
     true("station_age", "how new the station's report of it is", "exp(-s / 200 s)", "peer.time mission.now"),
     true("station_error", "how far from it the station thinks it is", SIDE, "peer.x peer.y x y"),
-    true("query_waits", "a query is queued", FLAG, "uplink.since"),
-    true("request_waits", "a request is queued", FLAG, "uplink.since"),
-    true("telemetry_waits", "a report is queued", FLAG, "uplink.since"),
-    true("best_way", "to the nearest open task that nobody has, for ground robots by road", SIDE, "task.x task.y owner place"),
+    true("query_waits", "a query is queued", FLAG, "waiting.since"),
+    true("request_waits", "a request is queued", FLAG, "waiting.since"),
+    true("telemetry_waits", "a report is queued", FLAG, "waiting.since"),
+    true("best_way", "to the nearest open task that nobody has, for ground robots by road", SIDE, "task.x task.y task.owner place"),
     true("choices", "open tasks that nobody has and it can do", "tanh(n / 4)", "task.owner task.type"),
 )
 
@@ -69,7 +69,7 @@ STATE_OPERATOR = Group(
     true("robot_due", "until its robot's task is", SLACK, "robot robot.task task.deadline mission.now"),
     true("report_age", "how new the station's report of that robot is", "exp(-s / 200 s)", "robot peer.time mission.now"),
     true("has_control", "that robot obeys it", FLAG, "robot robot.controller"),
-    true("queue", "messages that wait in its downlink", "tanh(n / 4)", "downlink.since"),
+    true("queue", "messages that wait in its downlink", "tanh(n / 4)", "waiting.since"),
     true("requests", "robots that the station knows to have asked for help", SHARE, "peer.request_time"),
 )
 

@@ -40,7 +40,7 @@ def seen():
     batch = fly(MissionBatch(change(SHORT, time_limit=200), range(40)), Wanderer(restless=0.3), seconds=30)
     rng, seen = np.random.default_rng(0), copied(batch.observations)
     for table in seen:
-        for name in set(table.dtype.names) - EDGES_HANG_ON - {"time"}:
+        for name in sorted(set(table.dtype.names) - EDGES_HANG_ON - {"time"}):
             table[name] = drawn(table, name, rng)
     return GraphBuilder(batch), seen
 
@@ -62,7 +62,7 @@ def test_a_feature_is_read_from_the_columns_that_it_names_and_no_other(seen, tab
     owner, own, _ = TABLES.get(table, (table.removesuffix("s"), None, None))
     own = own or {"robots": features.ROBOT, "operators": features.OPERATOR}[table]
     rows, rng, before = getattr(seen, table), np.random.default_rng(1), read(builder, seen)
-    for name in set(rows.dtype.names) - EDGES_HANG_ON:
+    for name in sorted(set(rows.dtype.names) - EDGES_HANG_ON):
         other = rows.copy()
         other[name] = drawn(rows, name, rng)
         after = read(builder, seen._replace(**{table: other}))
@@ -76,7 +76,8 @@ def test_a_feature_is_read_from_the_columns_that_it_names_and_no_other(seen, tab
 
 
 def test_public_features_and_the_critics_name_columns_of_the_state():
-    records = {name: getattr(state, name.upper()).names for name in ("robot", "operator", "task", "mission", "belief")}
+    of_state = "robot", "operator", "task", "mission", "belief", "peer", "waiting", "message"
+    records = {name: getattr(state, name.upper()).names for name in of_state}
     for group in (features.PUBLIC, *(group for group in GROUPS if group.title.startswith("state: "))):
         of = group.title.removeprefix("state: ").partition(",")[0]
         for feature in group.features:
