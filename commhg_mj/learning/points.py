@@ -14,12 +14,15 @@ from ..mission.batch import MissionBatch, stay
 from ..mission.observe import Observations
 from ..policies.alternatives import OPERATOR, ROBOT, Alternatives, list_candidates
 from ..policies.planner import WHOLE, choose, is_settled, new_desk, new_memory, talk
+from ..scenarios import part_of
 from .batches import join_operators, join_robots, pick_robots, shifted
 from .features import REPORT
 from .graphs import GraphBuilder, OperatorGraphs, RobotGraphs
 from .heads import RobotChoices
 from .rollout import edges_of, from_decisions, join_choices, picks_of
 
+FORMAT = "commhg_mj points 2"
+TEAM = 4  # robots of whose missions points are made: among more, luck hides what one choice is worth, and flights cost more
 N_TRIED = 4  # robots' alternatives: the planner's pick, the two that cost the team least, and another, so that all are judged
 N_PICKED = 5  # operators' alternatives: the planner's pick, KEEP, REST and the robots that gain most
 N_SEEDS = 3  # flights of each
@@ -53,11 +56,11 @@ class Points(NamedTuple):
 
 
 class Gatherer:
-    """Flies missions by the planner and judges alternatives on the way."""
+    """Flies missions of a small part of the plan's scenario by the planner, and judges alternatives on the way."""
 
     def __init__(self, plan, wants, first_seed: int, rng):
-        self.batch = MissionBatch(plan.scenario, range(first_seed, first_seed + plan.side_by_side), plan.links, plan.limitation)
-        scenario, n = self.batch.scenario, plan.side_by_side
+        scenario, n = part_of(plan.scenario, TEAM), plan.side_by_side
+        self.batch = MissionBatch(scenario, range(first_seed, first_seed + n), plan.links, plan.limitation)
         self.builder, self.rng = GraphBuilder(self.batch, wants), rng
         self.public = self.builder.public(self.batch.state.tasks)
         self.desk, self.memory = new_desk(scenario), new_memory(n, scenario)
@@ -169,7 +172,7 @@ def save_points(points: Points, path, facts: dict) -> None:
     for name in TABLES:
         arrays |= {f"{name}.{field}": column for field, column in getattr(points, name)._asdict().items()}
     with whole_file(path) as draft, open(draft, "wb") as file:
-        np.savez(file, **arrays, **{f"facts.{name}": value for name, value in facts.items()})
+        np.savez(file, format=FORMAT, **arrays, **{f"facts.{name}": value for name, value in facts.items()})
 
 
 def load_points(path) -> tuple[Points, dict]:
@@ -181,6 +184,8 @@ def load_points(path) -> tuple[Points, dict]:
     try:
         with np.load(path, allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
+        if arrays.get("format") != FORMAT:
+            raise KeyError("format")
         columns = {name: arrays[name] for name in Points._fields if name not in TABLES}
         for name, table in TABLES.items():
             columns[name] = table(*(arrays[f"{name}.{field}"] for field in table._fields))

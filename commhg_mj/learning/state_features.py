@@ -47,7 +47,7 @@ STATE_ROBOT = Group(
     true("query_waits", "a query is queued", FLAG, "waiting.since"),
     true("request_waits", "a request is queued", FLAG, "waiting.since"),
     true("telemetry_waits", "a report is queued", FLAG, "waiting.since"),
-    true("best_way", "to the nearest open task that nobody has, for ground robots by road", SIDE, "task.x task.y task.owner place"),
+    true("best_way", "to the nearest open task that nobody has, by road on the ground", SIDE, "task.x task.y task.owner place"),
     true("choices", "open tasks that nobody has and it can do", "tanh(n / 4)", "task.owner task.type"),
 )
 
