@@ -31,7 +31,7 @@ class Fit:
         self.method, self.points, self.rng = method, points, rng
         self.optimizer = torch.optim.AdamW(actors_of(method), lr=RATE, weight_decay=DECAY)
         self.targets = [centred(worth / UNIT, ~np.isnan(worth)) for worth in (points.worth, points.worth_picks)]
-        self.spread = [max(1e-6, float(np.mean(target[~np.isnan(target)] ** 2))) for target in self.targets]
+        self.spread = [max(1e-6, float(np.nansum(target**2)) / max(1, np.sum(~np.isnan(target)))) for target in self.targets]
 
     def run(self) -> Iterator[dict]:
         """Losses of each epoch, the last of which leaves the method fitted."""

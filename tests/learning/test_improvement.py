@@ -1,5 +1,7 @@
 """Learning by simulated alternatives: points, the fit, and runs that stop and go on."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 import torch
@@ -12,11 +14,12 @@ from commhg_mj.learning.fitting import EPOCHS, Fit, centred, regression, scores_
 from commhg_mj.learning.heads import LEFT_OUT, RobotLogits
 from commhg_mj.learning.improvement import Improvement
 from commhg_mj.learning.learned_policy import LearnedPolicy
-from commhg_mj.learning.points import N_PICKED, N_TRIED, NOT_TRIED, Gatherer, join_points, load_points, save_points
+from commhg_mj.learning.points import N_PICKED, N_TRIED, NOT_TRIED, TEAM, Gatherer, join_points, load_points, save_points
 from commhg_mj.learning.registry import METHODS, make_method
 from commhg_mj.learning.train import Plan
 from commhg_mj.learning.weights import load_weights
 from commhg_mj.mission.batch import MissionBatch
+from commhg_mj.scenarios import SCENARIOS, part_of
 
 TINY = change(SHORT, time_limit=60)
 MAY_READ = [name for name in NAMES if METHODS[name].may_read_plans]
@@ -77,6 +80,21 @@ def test_damaged_points_are_refused_by_name(points, tmp_path, damage):
     path.write_bytes(damage(path.read_bytes()))
     with pytest.raises(ValueError, match="0.npz is damaged"):
         load_points(path)
+
+
+def test_points_of_another_version_are_refused_by_name(points, tmp_path, monkeypatch):
+    monkeypatch.setattr("commhg_mj.learning.points.FORMAT", "commhg_mj points 0")
+    save_points(points, tmp_path / "0.npz", {})
+    monkeypatch.undo()
+    with pytest.raises(ValueError, match="0.npz is damaged, or holds no points of this version"):
+        load_points(tmp_path / "0.npz")
+
+
+def test_points_of_a_large_team_are_made_with_a_small_one_as_dense():
+    in_large = dataclasses.replace(plan(), scenario=SCENARIOS["large"])
+    gatherer = Gatherer(in_large, make_method("mappo", True).wants, 0, np.random.default_rng(0))
+    assert gatherer.batch.scenario == part_of(SCENARIOS["large"], TEAM)
+    assert gatherer.public.shape[1] == gatherer.n_tasks == 28
 
 
 def test_scores_of_alternatives_are_those_of_their_edges_and_losses_forget_what_all_share():
