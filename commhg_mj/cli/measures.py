@@ -44,8 +44,10 @@ class Bench:
 
 @dataclass(frozen=True)
 class Calibrate:
-    """Measure the references on every scale and hold the defaults against the calibration rules."""
+    """Measure the references on each scale and hold the defaults against the calibration rules."""
 
+    scenario: tuple[str, ...] = ("small", "medium", "large")
+    """by name"""
     missions: int = 200
     """a figure"""
     workers: int = 2
@@ -57,8 +59,12 @@ class Calibrate:
 
         at_least("missions", self.missions, 2)
         at_least("workers", self.workers, 1)
-        with progress("flying", len(LINKS) * N_FLIGHTS * self.missions * len(SCENARIOS)) as advance:
-            results = [[calibrate(name, self.missions, self.workers, links, advance) for name in SCENARIOS] for links in LINKS]
+        if not self.scenario:
+            raise ValueError("--scenario: name at least one")
+        for name in self.scenario:
+            SCENARIOS.find(name)
+        with progress("flying", len(LINKS) * N_FLIGHTS * self.missions * len(self.scenario)) as advance:
+            results = [[calibrate(name, self.missions, self.workers, links, advance) for name in self.scenario] for links in LINKS]
         for under_one_model in results:
             WIDE.print(*calibration_tables(under_one_model, self.missions))
 

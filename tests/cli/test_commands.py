@@ -225,6 +225,8 @@ def test_calibrate_prints_figures_and_rules(run, tiny_scales):
     assert code == 0
     for word in ("random", "greedy, high", "omniscient, no operators", "0.45-0.70", "BROKEN", *SCENARIOS):
         assert word in out
+    code, out, _ = run("calibrate", "--scenario", "small", "--missions", 2, "--workers", 1)
+    assert code == 0 and "small" in out and "medium" not in out
 
 
 @pytest.mark.parametrize(
@@ -423,6 +425,7 @@ def test_bad_world_and_figure(refused, tiny, tmp_path):
     assert "f.jpg" in refused("figure", "--scenario", tiny, "--out", "f.jpg")
     assert "nowhere" in refused("figure", "--scenario", tiny, "--out", "nowhere/f.png")
     assert "--missions" in refused("calibrate", "--missions", 1)
+    assert "tinny" in refused("calibrate", "--scenario", "small", "tinny")
 
 
 def test_without_memory(run, tiny, monkeypatch):
