@@ -64,7 +64,8 @@ class Calibrate:
         for name in self.scenario:
             SCENARIOS.find(name)
         with progress("flying", len(LINKS) * N_FLIGHTS * self.missions * len(self.scenario)) as advance:
-            results = [[calibrate(name, self.missions, self.workers, links, advance) for name in self.scenario] for links in LINKS]
+            on_all = lambda links: [calibrate(name, self.missions, self.workers, links, advance) for name in self.scenario]
+            results = [on_all(links) for links in LINKS]
         for under_one_model in results:
             WIDE.print(*calibration_tables(under_one_model, self.missions))
 

@@ -17,7 +17,7 @@ UNIT = 0.06  # mean tasks that a logit stands for
 EPOCHS, MINIBATCH, RATE, LAST_RATE = 6, 512, 2e-3, 0.05  # the rate falls to that share of it
 DECAY = 0.01  # of weights
 JUDGED, IMITATED = 10.0, 0.3  # weights of the losses: of what luck leaves of a judgement, little is worth learning
-TRUST = 1.5, 3.0  # see PlanReader; what operators' alternatives are worth is hardly learned
+TRUST = 0.4, 3.0  # see PlanReader; what operators' alternatives are worth is hardly learned
 
 
 class Fit:
@@ -49,6 +49,7 @@ class Fit:
             yield dict(zip(("task_loss", "pick_loss", "imitation"), np.mean(losses, axis=0).tolist()))
         if self.method.plan is not None:
             self.method.plan.trust[:] = torch.tensor(TRUST)
+            self.method.plan.bounds.fill_(1.0)
 
     def _step(self, robots, operators):
         judged, imitated = zip(self._robots(robots), self._operators(operators))

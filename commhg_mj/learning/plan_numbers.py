@@ -8,10 +8,12 @@ from ..base.terms import IDLE
 from ..mission.estimate import expected_seconds, expected_wait, regret
 from ..mission.records import is_compatible
 from ..mission.service import autonomous_seconds, autonomous_success, timeliness
+from ..policies.alternatives import rank_candidates
 from ..policies.assignment import reduced_cost
 from ..policies.planner import WHOLE, assign_team, expected_success, is_settled, own_part, remember
 
 MINUTE, HORIZON, CLOSE = 60.0, 200.0, 20.0  # s
+CANDIDATES = 3  # the pick, and the tasks that cost the team least beside it
 MOST = 3.0  # bound of shares of the best worth, and of seconds over HORIZON
 NOTHING = 1e-9
 
@@ -45,9 +47,15 @@ def write_plan(rules, scale, desk, memory, seen, i, out, edges, first):
         out.seconds = min(1.0, tasks[pick].distance / robot.speed / HORIZON)
     out.best_worth = MINUTE * best / scale.value
     out.backlog, out.peers = backlog / HORIZON, rows / seen.robot_peers.shape[1]
+    found = np.zeros(n_open + 1, np.int64)
+    n_found = 0 if is_settled(robot) else min(CANDIDATES, rank_candidates(desk, robot, tasks, n_open, found))
     for column in range(n_open):
         j, edge = desk.tasks[column], edges[first + column]
         edge.is_pick = j == pick
+        edge.is_candidate = j == pick
+        for k in range(n_found):
+            if found[k] == j:
+                edge.is_candidate = 1.0
         write_prospect(rules, scale, robot, tasks[j], backlog, edge)
         write_market(a, column, rows, best, edge)
         edge.rank /= seen.robot_peers.shape[1]

@@ -19,11 +19,12 @@ from .batches import join_operators, join_robots, pick_robots, shifted
 from .features import REPORT
 from .graphs import GraphBuilder, OperatorGraphs, RobotGraphs
 from .heads import RobotChoices
+from .plan_numbers import CANDIDATES
 from .rollout import edges_of, from_decisions, join_choices, picks_of
 
-FORMAT = "commhg_mj points 2"
+FORMAT = "commhg_mj points 3"
 TEAM = 4  # robots of whose missions points are made: among more, luck hides what one choice is worth, and flights cost more
-N_TRIED = 4  # robots' alternatives: the planner's pick, the two that cost the team least, and another, so that all are judged
+N_TRIED = CANDIDATES  # robots' alternatives
 N_PICKED = 5  # operators' alternatives: the planner's pick, KEEP, REST and the robots that gain most
 N_SEEDS = 1  # flights of each: more decisions teach more than surer ones
 NOT_TRIED = -9
@@ -97,10 +98,7 @@ class Gatherer:
             if self.rng.random() >= share or robot["stand_left"] > 0.0 or is_settled(robot):
                 continue
             n_found = list_candidates(self.batch.rules, self.desk, self.memory, seen, i, self.found)
-            choices = self.found[:n_found].copy()
-            if n_found > N_TRIED:
-                choices[N_TRIED - 1] = choices[self.rng.integers(N_TRIED - 1, n_found)]
-            choices = choices[:N_TRIED]
+            choices = self.found[: min(N_TRIED, n_found)].copy()
             if len(choices) > 1:
                 tried[i, : len(choices)] = choices
                 worth[i, : len(choices)] = self._judge(robot, ROBOT, robot["robot"], choices)

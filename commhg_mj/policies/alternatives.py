@@ -128,10 +128,16 @@ def hold(tried, due, chosen, is_first):
 
 @kernel
 def list_candidates(rules, desk, memory, seen, i, found):
-    """Fill in what robot row i may choose: the planner's pick, then open tasks by what the team would lose; returns how many."""
-    robot, tasks, a = seen.robots[i], seen.robot_tasks[i], desk.assignment
+    """Fill in what robot row i may choose, the planner's pick first; returns how many."""
+    robot, tasks = seen.robots[i], seen.robot_tasks[i]
     n_open, _ = assign_team(rules[0], WHOLE, desk, memory.taken[robot.mission, robot.robot], seen, i)
-    found[0], costs, n = own_part(desk), np.zeros(n_open + 1), 1
+    return rank_candidates(desk, robot, tasks, n_open, found)
+
+
+@kernel
+def rank_candidates(desk, robot, tasks, n_open, found):
+    """Fill in the robot's part of the assignment on the desk, then its other tasks by what the team would lose; how many."""
+    found[0], costs, n, a = own_part(desk), np.zeros(n_open + 1), 1, desk.assignment
     for column in range(n_open):
         j = desk.tasks[column]
         if j == found[0] or not (tasks[j].legal or (j == robot.task and robot.can_keep)):

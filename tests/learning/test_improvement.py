@@ -10,10 +10,12 @@ from strategies import change
 
 from commhg_mj.base.terms import IDLE, KEEP
 from commhg_mj.learning import improvement
+from commhg_mj.learning.features import PLAN, PLAN_EDGE
 from commhg_mj.learning.fitting import EPOCHS, Fit, centred, regression, scores_of
 from commhg_mj.learning.heads import LEFT_OUT, RobotLogits
 from commhg_mj.learning.improvement import Improvement
 from commhg_mj.learning.learned_policy import LearnedPolicy
+from commhg_mj.learning.plan_numbers import CANDIDATES
 from commhg_mj.learning.points import N_PICKED, N_TRIED, NOT_TRIED, TEAM, Gatherer, join_points, load_points, save_points
 from commhg_mj.learning.registry import METHODS, make_method
 from commhg_mj.learning.train import Plan
@@ -118,7 +120,7 @@ def test_a_fit_moves_all_that_decides_and_nothing_else(points, name):
     losses = list(Fit(method, own, np.random.default_rng(0)).run())
     assert len(losses) == EPOCHS and all(np.isfinite(list(row.values())).all() for row in losses)
     moved = {key.partition(".")[0] for key, value in method.state_dict().items() if not torch.equal(value, before[key])}
-    assert moved == {"robot", "operator", "plan"} and method.plan.trust.min() > 0
+    assert moved == {"robot", "operator", "plan"} and method.plan.trust.min() > 0 and method.plan.bounds == 1
 
 
 def test_a_fit_learns_what_its_targets_say(points):
@@ -200,6 +202,29 @@ def test_with_the_planners_numbers_every_method_flies_and_the_planners_choice_ca
                 n += 1
         batch.step(decisions)
     assert n > 3
+
+
+def test_who_learned_by_rollouts_chooses_among_the_planners_candidates():
+    torch.manual_seed(0)
+    method, batch = shaken(make_method("mappo", True)), MissionBatch(TINY, range(4))
+    method.plan.bounds.fill_(1.0)
+    policy, others = LearnedPolicy(method, batch), 0
+    while not batch.over.all():
+        seen = batch.observations
+        decisions, graphs = policy(seen), policy.builder.robots(seen)
+        rows = np.repeat(np.arange(len(seen.robots)), np.diff(graphs.task_ptr))
+        picks, candidates = (graphs.plan_edge[:, PLAN_EDGE.index(name)] > 0 for name in ("is_pick", "is_candidate"))
+        assert not (picks & ~candidates).any()
+        for i in range(len(seen.robots)):
+            mine = (rows == i) & candidates
+            assert mine.sum() <= CANDIDATES
+            if decisions.task[i] >= 0 and (mine & graphs.task_legal).any():
+                assert decisions.task[i] in graphs.task[mine]
+                others += decisions.task[i] not in graphs.task[mine & picks]
+            elif decisions.task[i] == IDLE and (mine & graphs.task_legal).any():
+                assert graphs.plan[i, PLAN.index("idles")] == 1
+        batch.step(decisions)
+    assert others > 3
 
 
 def test_who_never_reads_plans_says_so():
