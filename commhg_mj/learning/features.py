@@ -176,7 +176,7 @@ PLAN = Group(
 PLAN_EDGE = Group(
     "plan for a task",
     planned("is_pick", "it falls to the robot", FLAG),
-    planned("is_candidate", "it does, or is one of the two others of its tasks that cost the team least", FLAG),
+    planned("is_candidate", "it does, or is its own, or one of the two others that cost the team least", FLAG),
     planned("reduced_cost", "what the team loses if the robot takes it", BEST),
     planned("worth", "to the robot", BEST),
     planned("worth_helped", "value a minute that is saved by going now, with an operator's help", VALUE),

@@ -13,7 +13,7 @@ from ..policies.assignment import reduced_cost
 from ..policies.planner import WHOLE, assign_team, expected_success, is_settled, own_part, remember
 
 MINUTE, HORIZON, CLOSE = 60.0, 200.0, 20.0  # s
-CANDIDATES = 3  # the pick, and the tasks that cost the team least beside it
+CANDIDATES = 3  # the pick, and the tasks that cost the team least beside it; one's own is always one more
 MOST = 3.0  # bound of shares of the best worth, and of seconds over HORIZON
 NOTHING = 1e-9
 
@@ -52,7 +52,7 @@ def write_plan(rules, scale, desk, memory, seen, i, out, edges, first):
     for column in range(n_open):
         j, edge = desk.tasks[column], edges[first + column]
         edge.is_pick = j == pick
-        edge.is_candidate = j == pick
+        edge.is_candidate = j == pick or j == robot.task
         for k in range(n_found):
             if found[k] == j:
                 edge.is_candidate = 1.0

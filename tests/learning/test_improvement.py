@@ -217,7 +217,7 @@ def test_who_learned_by_rollouts_chooses_among_the_planners_candidates():
         assert not (picks & ~candidates).any()
         for i in range(len(seen.robots)):
             mine = (rows == i) & candidates
-            assert mine.sum() <= CANDIDATES
+            assert mine.sum() <= CANDIDATES + 1 and np.all(candidates[(rows == i) & (graphs.task == seen.robots['task'][i])])
             if decisions.task[i] >= 0 and (mine & graphs.task_legal).any():
                 assert decisions.task[i] in graphs.task[mine]
                 others += decisions.task[i] not in graphs.task[mine & picks]
