@@ -46,10 +46,10 @@ class Fit:
                 for group in self.optimizer.param_groups:
                     group["lr"] = RATE * max(LAST_RATE, share)
                 losses.append(self._step(*map(np.sort, rows)))
+            if epoch == EPOCHS - 1 and self.method.plan is not None:
+                self.method.plan.trust[:] = torch.tensor(TRUST)
+                self.method.plan.bounds.fill_(1.0)
             yield dict(zip(("task_loss", "pick_loss", "imitation"), np.mean(losses, axis=0).tolist()))
-        if self.method.plan is not None:
-            self.method.plan.trust[:] = torch.tensor(TRUST)
-            self.method.plan.bounds.fill_(1.0)
 
     def _step(self, robots, operators):
         judged, imitated = zip(self._robots(robots), self._operators(operators))

@@ -154,6 +154,7 @@ def test_a_budget_ends_the_gathering_and_leaves_fitted_weights(tmp_path):
     rows = list(Improvement(plan(missions=3000), tmp_path).run(cpu_seconds=1e-3))
     assert [row["missions"] for row in rows] == [3] + [3] * EPOCHS
     method, facts = load_weights(tmp_path / "weights.safetensors")
+    assert method.plan.trust.min() > 0 and method.plan.bounds == 1, "what is flown is what was fitted"
     assert facts["missions"] == 3 and facts["plan"]["learner"] == ["rollouts"] and facts["plan"]["plans"] is True
     assert method.plan is not None and method.wants.plans
 
