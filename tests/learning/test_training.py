@@ -23,6 +23,7 @@ from strategies import change
 from commhg_mj.learning import rollout, train
 from commhg_mj.learning.features import OPERATOR, ROBOT
 from commhg_mj.learning.graphs import GraphBuilder
+from commhg_mj.learning.registry import make_method
 from commhg_mj.learning.rollout import from_decisions, to_decisions
 from commhg_mj.learning.run_log import LOG, Log
 from commhg_mj.learning.state_features import STATE_MISSION, STATE_OPERATOR, STATE_ROBOT
@@ -519,6 +520,18 @@ WEIGHT_DAMAGES = {
     "a tensor less": lambda path: reweigh(path, lambda t: dict(list(t.items())[1:])),
     "a shape": lambda path: reweigh(path, lambda t: t | {"robot.itself.0.weight": torch.zeros(2, 2)}),
 }
+
+
+@pytest.mark.parametrize("plans", [False, True])
+def test_columns_of_plans_matter_to_who_reads_them_alone(tmp_path, plans):
+    path = tmp_path / WEIGHTS
+    save_weights(make_method("mappo", plans), path, {})
+    reweigh(path, schema=json.dumps(SCHEMA).replace('"is_pick"', '"is_chosen"'))
+    if plans:
+        with pytest.raises(ValueError, match="other features"):
+            load_weights(path)
+    else:
+        assert load_weights(path)[0].plan is None
 
 
 @pytest.mark.parametrize("damage", WEIGHT_DAMAGES)
