@@ -79,8 +79,8 @@ def test_reach_is_a_share_of_the_side():
 
 def test_the_critic_reads_open_tasks_alone_and_whoever_is_near():
     torch.manual_seed(0)
-    critic, states = GraphCritic(), States(*map(torch.from_numpy, random_states(3, seed=2)))
-    everyone = [Agents(torch.arange(3).repeat_interleave(n), torch.arange(n).repeat(3)) for n in (3, 2)]
+    critic, states = GraphCritic(), States(*map(torch.from_numpy, random_states(12, seed=2)))
+    everyone = [Agents(torch.arange(12).repeat_interleave(n), torch.arange(n).repeat(12)) for n in (3, 2)]
     before = critic(states, *everyone)
     closed = states.task + ~states.is_open[..., None] * 5.0
     assert all(map(torch.equal, before, critic(states._replace(task=closed), *everyone)))
