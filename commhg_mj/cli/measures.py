@@ -46,8 +46,8 @@ class Bench:
 class Calibrate:
     """Measure the references on each scale and hold the defaults against the calibration rules."""
 
-    scenario: tuple[str, ...] = ("small", "medium", "large")
-    """by name"""
+    scenario: tuple[str, ...] = ()
+    """by name; without any, every named one"""
     missions: int = 200
     """a figure"""
     workers: int = 2
@@ -59,13 +59,11 @@ class Calibrate:
 
         at_least("missions", self.missions, 2)
         at_least("workers", self.workers, 1)
-        if not self.scenario:
-            raise ValueError("--scenario: name at least one")
-        for name in self.scenario:
+        names = self.scenario or tuple(SCENARIOS)
+        for name in names:
             SCENARIOS.find(name)
-        with progress("flying", len(LINKS) * N_FLIGHTS * self.missions * len(self.scenario)) as advance:
-            on_all = lambda links: [calibrate(name, self.missions, self.workers, links, advance) for name in self.scenario]
-            results = [on_all(links) for links in LINKS]
+        with progress("flying", len(LINKS) * N_FLIGHTS * self.missions * len(names)) as advance:
+            results = [[calibrate(name, self.missions, self.workers, links, advance) for name in names] for links in LINKS]
         for under_one_model in results:
             WIDE.print(*calibration_tables(under_one_model, self.missions))
 

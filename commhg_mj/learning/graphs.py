@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..base.elementary_functions import distance
 from ..base.kernels import kernel, record
 from ..base.terms import KEEP, NOBODY, Activity, Embodiment, Mode, Session, Status
 from ..mission.batch import MissionBatch
@@ -254,7 +255,7 @@ def write_peer(scale, robot, row, out):
     if row.age < 0.0:
         return
     dx, dy = (row.x - robot.x) / scale.side, (row.y - robot.y) / scale.side
-    out.dx, out.dy, out.distance = dx, dy, np.sqrt(dx * dx + dy * dy)
+    out.dx, out.dy, out.distance = dx, dy, distance(dx, dy)
     out.idle, out.travelling, out.servicing = row.activity == 0, row.activity == TRAVELLING, row.activity == SERVICING
     out.handover, out.controlled = row.mode == HANDOVER, row.mode == CONTROLLED
     out.has_task, out.same_task = row.task != NOBODY, row.task != NOBODY and row.task == robot.task

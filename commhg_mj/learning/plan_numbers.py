@@ -37,7 +37,8 @@ def write_plan(rules, scale, desk, memory, seen, i, out, edges, first):
     robot, tasks, a = seen.robots[i], seen.robot_tasks[i], desk.assignment
     taken = memory.taken[robot.mission, robot.robot]
     n_open, rows = assign_team(rules, WHOLE, desk, taken, seen, i)
-    pick = robot.task if is_settled(robot) else own_part(desk)
+    settled = is_settled(robot)
+    pick = robot.task if settled else own_part(desk)
     backlog, best = expected_wait(rules, n_open, seen.robot_peers.shape[1]), NOTHING
     for column in range(n_open):
         best = max(best, a.worth[0, column])
@@ -48,7 +49,7 @@ def write_plan(rules, scale, desk, memory, seen, i, out, edges, first):
     out.best_worth = MINUTE * best / scale.value
     out.backlog, out.peers = backlog / HORIZON, rows / seen.robot_peers.shape[1]
     found = np.zeros(n_open + 1, np.int64)
-    n_found = 0 if is_settled(robot) else min(CANDIDATES, rank_candidates(desk, robot, tasks, n_open, found))
+    n_found = 0 if settled else min(CANDIDATES, rank_candidates(desk, robot, tasks, n_open, found))
     for column in range(n_open):
         j, edge = desk.tasks[column], edges[first + column]
         edge.is_pick = j == pick

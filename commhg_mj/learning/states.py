@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..base.elementary_functions import distance
 from ..base.kernels import kernel
 from ..base.terms import NOBODY, Activity, Embodiment, Kind, Mode, Session, Status
 from ..mission.accessors import (
@@ -106,8 +107,7 @@ def write_state_robot(m, r, scale, out):
     if robot.task != NOBODY:
         task = true_task(m, robot.task)
         speed = m.rules.speed[1 if robot.mode == CONTROLLED else 0, robot.embodiment]
-        dx, dy = task.x - robot.x, task.y - robot.y
-        way = np.sqrt(dx * dx + dy * dy)
+        way = distance(task.x - robot.x, task.y - robot.y)
         gain, seconds = attempt(m.rules, way, speed, task.difficulty, task.deadline, task.decay, float(now))
         out.has_task, out.distance, out.progress = 1.0, way / scale.side, task.progress
         out.difficulty, out.value, out.expected_value = task.difficulty, task.value / scale.value, task.value * gain / scale.value
@@ -129,7 +129,7 @@ def write_knowledge(m, r, robot, scale, out):
         if other != r and peer.time >= 0.0:
             known += 1
             wrong += peer.task != true_robot(m, other).task
-            age += np.exp(-(m.now - peer.time) / LONG)
+            age += newness(m.now, peer.time)
     others = max(1, m.n_robots - 1)
     out.known_peers, out.peers_age, out.wrong_peers = known / others, age / max(1, known), wrong / others
     mistaken, pending = 0, 0
@@ -141,8 +141,14 @@ def write_knowledge(m, r, robot, scale, out):
     out.wrong_tasks = mistaken / max(1, pending)
     report = known_robot(m, m.n_robots, r)
     if report.time >= 0.0:
-        dx, dy = report.x - robot.x, report.y - robot.y
-        out.station_age, out.station_error = np.exp(-(m.now - report.time) / LONG), np.sqrt(dx * dx + dy * dy) / scale.side
+        out.station_age = newness(m.now, report.time)
+        out.station_error = distance(report.x - robot.x, report.y - robot.y) / scale.side
+
+
+@kernel
+def newness(now, time):
+    """How new evidence is; 0: there is none."""
+    return np.exp(-(now - time) / LONG) if time >= 0.0 else 0.0
 
 
 @kernel
@@ -152,8 +158,7 @@ def write_choices(m, robot, scale, out):
     for j in range(m.n_tasks):
         task = true_task(m, j)
         if task.released and task.status != DONE and task.owner == NOBODY and is_compatible(robot.embodiment, task.type):
-            dx, dy = task.x - robot.x, task.y - robot.y
-            way = np.sqrt(dx * dx + dy * dy)
+            way = distance(task.x - robot.x, task.y - robot.y)
             if robot.embodiment == UGV and robot.place != NOBODY:
                 way = between[robot.place, j]
             nearest, n = min(nearest, way / scale.side), n + 1
@@ -172,13 +177,12 @@ def write_state_operator(m, h, scale, out):
         robot = true_robot(m, operator.robot)
         out.robot_is_ugv, out.robot_servicing = robot.embodiment == UGV, robot.activity == SERVICING
         out.has_control = robot.controller == h
-        report = known_robot(m, m.n_robots, operator.robot)
-        out.report_age = np.exp(-(m.now - report.time) / LONG) if report.time >= 0.0 else 0.0
+        out.report_age = newness(m.now, known_robot(m, m.n_robots, operator.robot).time)
         if robot.task != NOBODY:
             task = true_task(m, robot.task)
-            dx, dy = task.x - robot.x, task.y - robot.y
             out.robot_difficulty, out.robot_value = task.difficulty, task.value / scale.value
-            out.robot_way, out.robot_due = np.sqrt(dx * dx + dy * dy) / scale.side, np.tanh((task.deadline - m.now) / LONG)
+            out.robot_way = distance(task.x - robot.x, task.y - robot.y) / scale.side
+            out.robot_due = np.tanh((task.deadline - m.now) / LONG)
     asked = 0
     for r in range(m.n_robots):
         asked += known_robot(m, m.n_robots, r).request_time >= max(0.0, m.now - MINUTE)
