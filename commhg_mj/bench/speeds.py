@@ -2,7 +2,6 @@
 
 import dataclasses
 import os
-import resource
 import subprocess
 import sys
 import tempfile
@@ -57,22 +56,6 @@ def missions_rates(scenario, n_missions=64, repeats=3) -> list[Speed]:
         Speed(f"{what}, ray-cast links", rays.rate, "ticks/CPU-s"),
         Speed(f"{what}, ray-cast over abstract", rays.rate / planar.rate, "ratio"),
     ]
-
-
-def training_speeds(scenario, updates=3) -> list[Speed]:
-    """Robot decisions per CPU-second of training CommHG end to end, all epochs of PPO; and the most memory so far."""
-    from ..learning.ppo import Hyper
-    from ..learning.train import Plan, Training
-
-    with tempfile.TemporaryDirectory() as folder:
-        training = Training(Plan("commhg", scenario, first_updates=0, hyper=Hyper.of(scenario.n_robots, False)), folder)
-        training.update()  # memory and kernels are warm afterwards
-        decisions, seconds = training.decisions, training.cpu_seconds
-        for _ in range(updates):
-            training.update()
-    rate = (training.decisions - decisions) / (training.cpu_seconds - seconds)
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
-    return [Speed(f"{scenario.name}: training", rate, "decisions/CPU-s"), Speed("most memory until then", peak, "GiB")]
 
 
 def epochs_rate(scenario, repeats=3) -> Speed:
@@ -195,7 +178,7 @@ def start_times() -> list[Speed]:
 
 
 def all_speeds(scenarios, with_start: bool) -> Iterator[Speed]:
-    """Yield every speed of kernel, links and worlds; bench/interfaces.py has those of the interfaces."""
+    """Yield every speed of kernel, links and worlds; interfaces.py and training_rates.py have others."""
     for name in scenarios:
         yield from missions_rates(SCENARIOS[name])
         yield epochs_rate(SCENARIOS[name])

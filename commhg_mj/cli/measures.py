@@ -1,5 +1,6 @@
 """Commands that measure this machine and the mission's defaults."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import chain, product
 from pathlib import Path
@@ -22,24 +23,41 @@ class Bench:
     """also time a first start (compiles everything once more) and a later one"""
     train: bool = False
     """time training alone: simulate, infer and learn"""
+    peers: bool = False
+    """with --train: MAPPO and IPPO beside BenchMARL's, which wants an environment of its own (docs/learning.md)"""
 
     def __call__(self):
-        from ..bench.interfaces import interface_rates
-        from ..bench.speeds import all_speeds, training_speeds
-
+        if self.peers and not self.train:
+            raise ValueError("--peers has no effect without --train")
         if self.train:
             without_effect(self, "train", start="start")
-        table = Table("what", "rate", "unit")
         names = list(SCENARIOS) if self.scenario == "all" else [self.scenario]
+        speeds = training_speeds(names, self.peers) if self.train else flying_speeds(names, self.start)
+        table = Table("what", "rate", "unit")
         with LOG.status("measuring"):
-            if self.train:
-                speeds = chain.from_iterable(training_speeds(SCENARIOS[name]) for name in names)
-            else:
-                interfaces = (speed for name in names for speed in interface_rates(SCENARIOS[name]))
-                speeds = chain(all_speeds(names, self.start), interfaces)
             for speed in speeds:
                 table.add_row(speed.what, f"{speed.rate:,.2f}" if speed.rate < 100 else f"{speed.rate:,.0f}", speed.unit)
         OUT.print(table)
+
+
+def flying_speeds(names, with_start) -> Iterator:
+    """What `bench` measures of scenarios."""
+    from ..bench.interfaces import interface_rates
+    from ..bench.speeds import all_speeds
+
+    return chain(all_speeds(names, with_start), chain.from_iterable(interface_rates(SCENARIOS[name]) for name in names))
+
+
+def training_speeds(names, beside_peers) -> Iterator:
+    """What `bench --train` measures of scenarios."""
+    if beside_peers:
+        try:
+            from ..bench.peers import peer_rates as measure
+        except ImportError as error:
+            raise ValueError(f"--peers needs BenchMARL, in an environment of its own (docs/learning.md): {error}") from None
+    else:
+        from ..bench.training_rates import commhg_rates as measure
+    return chain.from_iterable(measure(SCENARIOS[name]) for name in names)
 
 
 @dataclass(frozen=True)

@@ -369,10 +369,16 @@ def test_bad_render(refused, trace, arguments, said):
         ("links --trace TRACE --from uav0 --to uav1 --seed 3", "--seed has no effect beside --trace"),
         ("links --trace TRACE --from uav0 --to uav1 --limitation high", "--limitation has no effect beside --trace"),
         ("bench --train --start", "--start has no effect beside --train"),
+        ("bench --peers", "--peers has no effect without --train"),
     ],
 )
 def test_options_without_effect(refused, trace, arguments, said):
     assert said in refused(*arguments.replace("TRACE", str(trace)).split())
+
+
+def test_peers_that_are_not_installed(refused, monkeypatch):
+    monkeypatch.setitem(sys.modules, "benchmarl.algorithms", None)
+    assert "--peers needs BenchMARL" in refused("bench", "--train", "--peers")
 
 
 @pytest.mark.parametrize(
