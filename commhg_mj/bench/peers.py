@@ -16,12 +16,12 @@ from benchmarl.models import MlpConfig
 from torchrl.envs import PettingZooWrapper
 
 from ..learning.ppo import Hyper
+from ..learning.train import Plan
 from .speeds import Speed
 from .task_env import TaskEnv, is_robot
 from .training_rates import rows_of, training_rate
 
 METHODS = {"mappo": MappoConfig, "ippo": IppoConfig}
-SIDE_BY_SIDE = 32  # missions, as ours
 
 
 def peer_rates(scenario, updates=3) -> list[Speed]:
@@ -84,7 +84,7 @@ def _benchmarl_rate(scenario, method, updates):
         config = replace(
             ExperimentConfig.get_from_yaml(), prefer_continuous_actions=False, gamma=hyper.gamma, lr=hyper.learning_rate,
             max_n_frames=None, max_n_iters=updates + 2, on_policy_collected_frames_per_batch=frames,
-            on_policy_n_envs_per_worker=SIDE_BY_SIDE, on_policy_n_minibatch_iters=hyper.epochs,
+            on_policy_n_envs_per_worker=Plan.side_by_side, on_policy_n_minibatch_iters=hyper.epochs,
             on_policy_minibatch_size=frames // hyper.minibatches, evaluation=False, loggers=[], create_json=False,
             save_folder=folder,
         )  # fmt: skip

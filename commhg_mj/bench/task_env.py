@@ -39,7 +39,7 @@ class TaskEnv(ParallelEnv):
     def step(self, actions) -> tuple[dict, dict, dict, dict, dict]:
         joint = {agent: (choice, 0, 0) if is_robot(agent) else choice for agent, choice in actions.items()}
         observations, rewards, *_ = self.env.step(joint)
-        reward, over, agents = max(rewards.values(), default=0.0), not self.env.agents, self.agents
+        reward, over, agents = next(iter(rewards.values())), not self.env.agents, self.agents  # the team's; humans never leave
         observations = self._keep(observations)
         if over:
             self.agents = []
