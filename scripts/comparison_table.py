@@ -47,12 +47,22 @@ def column(folder) -> dict[str, str]:
     shuffled = next(value for words, value in controls.items() if words.startswith("shuffled identities: TWCR"))
     identical = next(value for words, value in controls.items() if words.startswith("obstacle-free"))
     said["shuffled identities, TWCR, difference to ray cast"] = shuffled
-    return said | {"obstacle-free missions bit-identical": identical}
+    return said | {"obstacle-free missions bit-identical": identical} | of_policies(folder)
 
 
-def difference(row, digits) -> str:
+def of_policies(folder) -> dict[str, str]:
+    """What ray casts change for each policy."""
+    rows = {name: row for (name,), row in read(folder, "policies", "policy").items()}
+    gap = "raycast_minus_abstract", "gap_low", "gap_high"
+    return {
+        f"TWCR of `{name}`, abstract; ray cast, difference": f"{float(row['abstract']):.3f}; {difference(row, 3, gap)}"
+        for name, row in rows.items()
+    }
+
+
+def difference(row, digits, names=("difference", "difference_low", "difference_high")) -> str:
     """Paired, with its interval."""
-    mean, low, high = (f"{float(row[name]):+.{digits}f}" for name in ("difference", "difference_low", "difference_high"))
+    mean, low, high = (f"{float(row[name]):+.{digits}f}" for name in names)
     return f"{mean} [{low}, {high}]"
 
 
@@ -60,7 +70,8 @@ def table(folders) -> str:
     """A column a comparison, under its scenario's name."""
     names = [json.loads(Path(folder, "comparison.json").read_text())["scenario"]["name"] for folder in folders]
     columns = [column(folder) for folder in folders]
-    lines = [["", *names], ["---"] * (1 + len(names)), *([what, *(each[what] for each in columns)] for what in columns[0])]
+    rows = list(dict.fromkeys(what for each in columns for what in each))
+    lines = [["", *names], ["---"] * (1 + len(names)), *([what, *(each.get(what, "") for each in columns)] for what in rows)]
     return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
 
 

@@ -14,6 +14,7 @@ from ..radio import DEFAULT_LINKS
 from ..scenarios import SCENARIOS
 
 MEASURE = "greedy+no-query"  # what the rules say of Greedy is about it when it asks nobody
+TEAM = 5  # robots: what a smaller team is told matters less, since it meets all the time; two rules ask nothing of it
 CHANCE, PERIOD = 0.1, 30.0  # of asking; s between broadcasts: where the rates of the other gates are measured
 
 
@@ -55,6 +56,11 @@ class Rule(NamedTuple):
     text: str
     measured: Interval
     holds: bool
+    is_asked: bool = True
+
+    @property
+    def verdict(self) -> str:
+        return "not asked" if not self.is_asked else "holds" if self.holds else "BROKEN"
 
 
 class Calibration(NamedTuple):
@@ -80,7 +86,8 @@ def calibrate(
     scores[CLOCKED] = broadcast_by_clock(scores_of, n_broadcast(scores["planner"]))
     scores[AT_RANDOM_HIGH] = ask_at_random(scores_of, n_queries(scores["planner, high"]))
     twcr = {label: np.array([score.twcr for score in each]) for label, each in scores.items()}
-    return Calibration(name, links, {label: mean_interval(values) for label, values in twcr.items()}, judge(twcr))
+    intervals = {label: mean_interval(values) for label, values in twcr.items()}
+    return Calibration(name, links, intervals, judge(twcr, scenario.n_robots >= TEAM))
 
 
 def broadcast_by_clock(scores_of: Callable, wanted: float) -> list:
@@ -105,27 +112,28 @@ def n_queries(scores) -> float:
     return float(np.mean([score.messages["query"]["attempted"] for score in scores]))
 
 
-def judge(twcr: dict[str, np.ndarray]) -> list[Rule]:
-    """What each rule says of these figures."""
+def judge(twcr: dict[str, np.ndarray], is_team: bool) -> list[Rule]:
+    """What each rule says of these figures; some ask something of teams that are no small ones alone."""
     greedy, reference, planner = twcr[MEASURE], twcr["omniscient"], twcr["planner"]
     level = mean_interval(greedy)
     asking, asking_high = planner - twcr["planner+no-query"], twcr["planner, high"] - twcr["planner+no-query, high"]
+    hearing = planner - twcr["planner+no-broadcast"]
     always = mean_interval(twcr["planner+always-asks"] - twcr["planner+no-query"])
 
-    def at_least(text: str, difference: np.ndarray, least: float) -> Rule:
+    def at_least(text: str, difference: np.ndarray, least: float, is_asked=True) -> Rule:
         measured = mean_interval(difference)
-        return Rule(text, measured, measured.mean >= least)
+        return Rule(text, measured, measured.mean >= least, is_asked)
 
     return [
         Rule(f"the mean TWCR of {MEASURE} lies in 0.45-0.70", level, 0.45 <= level.mean <= 0.70),
         at_least("the omniscient reference is at least 0.15 above it", reference - greedy, 0.15),
         at_least("without operators the reference loses at least 0.05", reference - twcr["omniscient, no operators"], 0.05),
         at_least(f"from nominal to high limitation {MEASURE} loses at least 0.03", greedy - twcr[f"{MEASURE}, high"], 0.03),
-        at_least("the planner gains at least 0.08 by what robots tell each other", planner - twcr["planner+no-broadcast"], 0.08),
+        at_least("the planner gains at least 0.08 by what robots tell each other", hearing, 0.08, is_team),
         at_least("it gains at least 0.02 more by perfect links", twcr["planner, perfect links"] - planner, 0.02),
         at_least("broadcasts on change gain at least 0.01 over as many bytes by the clock", planner - twcr[CLOCKED], 0.01),
         Rule("to ask at every opportunity loses", always, always.mean < 0.0),
-        at_least("to ask by the planner's rule gains at least 0.01 at high limitation", asking_high, 0.01),
+        at_least("to ask by the planner's rule gains at least 0.01 at high limitation", asking_high, 0.01, is_team),
         at_least("that is more than at nominal", asking_high - asking, 0.0),
         at_least("a random gate at its rate gains 0.01 less", twcr["planner, high"] - twcr[AT_RANDOM_HIGH], 0.01),
     ]

@@ -92,7 +92,10 @@ def test_tables_hold_every_flight_and_verdict(flown):
     assert list(figures.columns[0].cells) == list(results[0].twcr)
     for result, column in zip(results, rules.columns[1:]):
         verdicts = list(column.cells)
-        assert [cell.split(":")[0] for cell in verdicts] == ["holds", "holds", "holds", "BROKEN", *["holds"] * 7]
+        expected = ["holds", "holds", "holds", "BROKEN", *["holds"] * 7]
+        if result.scenario == "small":  # two rules are of larger teams
+            expected[4] = expected[8] = "not asked"
+        assert [cell.split(":")[0] for cell in verdicts] == expected
         assert all(str(rule.measured) in cell for rule, cell in zip(result.rules, verdicts))
 
 

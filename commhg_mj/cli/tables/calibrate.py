@@ -16,5 +16,5 @@ def calibration_tables(results: list[Calibration], n_missions: int) -> list[Tabl
         figures.add_row(label, *(str(result.twcr[label]) for result in results))
     for i, rule in enumerate(results[0].rules):
         verdicts = (result.rules[i] for result in results)
-        rules.add_row(rule.text, *(f"{'holds' if v.holds else 'BROKEN'}: {v.measured}" for v in verdicts))
+        rules.add_row(rule.text, *(f"{verdict.verdict}: {verdict.measured}" for verdict in verdicts))
     return [figures, rules]
