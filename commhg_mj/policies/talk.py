@@ -11,27 +11,29 @@ from ..base.kernels import kernel
 from ..base.terms import NOBODY
 from ..mission.batch import MissionBatch
 from ..mission.randomness import uniform
-from .random import ASK, POLICY
+from .random import ASK, POLICY, SPEAK
 from .schedule import longest_unheard
 
 
 class Talk(NamedTuple):
     """Which choices are replaced, and by what."""
 
-    broadcasts: bool = True  # the policy's own; else by `period`
+    broadcasts: bool = True  # the policy's own; else by `period`, and by `speaking`
     period: float = np.inf  # s between broadcasts
-    queries: bool = True  # the policy's own; else by `chance`
-    chance: float = 0.0  # of asking where a query is open, in each decision
+    speaking: float = 0.0  # chance of a broadcast where one is open, in each decision
+    queries: bool = True  # the policy's own; else by `asking`
+    asking: float = 0.0  # chance of a query where one is open, in each decision
 
 
 TALKS = {
     "no-broadcast": Talk(broadcasts=False),
     "no-query": Talk(queries=False),
-    "always-asks": Talk(queries=False, chance=1.0),
+    "always-asks": Talk(queries=False, asking=1.0),
 }
 NUMBERED = {  # what stands before the number, its bounds, and the rule that it makes
     "broadcasts-every-": (1.0, np.inf, lambda period: Talk(broadcasts=False, period=period)),
-    "asks-at-random-": (0.0, 1.0, lambda chance: Talk(queries=False, chance=chance)),
+    "broadcasts-at-random-": (0.0, 1.0, lambda chance: Talk(broadcasts=False, speaking=chance)),
+    "asks-at-random-": (0.0, 1.0, lambda chance: Talk(queries=False, asking=chance)),
 }
 
 
@@ -62,18 +64,19 @@ class Talking:
     def __call__(self, observations):
         decisions = self.policy(observations)
         if not self.talk.broadcasts:
-            broadcast_by_clock(observations, self.talk.period, decisions)
+            broadcast_by_rule(self.seeds, observations, self.talk.period, self.talk.speaking, decisions)
         if not self.talk.queries:
-            ask_by_chance(self.seeds, observations, self.talk.chance, decisions)
+            ask_by_chance(self.seeds, observations, self.talk.asking, decisions)
         return decisions
 
 
 @kernel
-def broadcast_by_clock(observations, period, decisions):
-    """Broadcast wherever the last one is so old."""
+def broadcast_by_rule(seeds, observations, period, chance, decisions):
+    """Broadcast wherever the last one is so old, and elsewhere with that chance."""
     for i in range(observations.robots.shape[0]):
         robot = observations.robots[i]
-        decisions.broadcast[i] = robot.can_broadcast and robot.since_broadcast >= period
+        is_speaking = uniform(seeds[robot.mission], POLICY, int(robot.time), robot.robot, SPEAK) < chance
+        decisions.broadcast[i] = robot.can_broadcast and (robot.since_broadcast >= period or is_speaking)
 
 
 @kernel

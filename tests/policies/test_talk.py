@@ -54,8 +54,12 @@ def test_chances_are_drawn_as_often_and_by_the_mission_alone():
     is_open = np.concatenate([seen.robot_operators["legal"].any(axis=1) for seen, _ in told])
     asks = np.concatenate([decisions.query != NOBODY for _, decisions in told])
     assert abs(asks[is_open].mean() - 0.3) < 4 * np.sqrt(0.21 / is_open.sum())
-    ends = {fingerprint(decisions_of("planner+asks-at-random-0.3")[0].state) for _ in range(2)}
-    assert len(ends) == 1
+    _, told = decisions_of("planner+broadcasts-at-random-0.2", 600)
+    can_speak = np.concatenate([seen.robots["can_broadcast"] == 1 for seen, _ in told])
+    speaks = np.concatenate([decisions.broadcast for _, decisions in told])
+    assert abs(speaks[can_speak].mean() - 0.2) < 4 * np.sqrt(0.16 / can_speak.sum()) and not speaks[~can_speak].any()
+    for rule in ("asks", "broadcasts"):
+        assert len({fingerprint(decisions_of(f"planner+{rule}-at-random-0.3")[0].state) for _ in range(2)}) == 1
 
 
 def test_rules_follow_one_another():
@@ -63,10 +67,10 @@ def test_rules_follow_one_another():
     assert batch.state.counters["attempted"][:, [Kind.BROADCAST, Kind.QUERY]].sum() == 0
 
 
-@pytest.mark.parametrize("name", ["planner+asks-at-random-2", "planner+asks-at-random-often", "planner+broadcasts-every-0"])
-def test_impossible_numbers_are_refused_by_name(name):
-    with pytest.raises(ValueError, match=f"{name.partition('+')[2]}: .*needs a number"):
-        find_policy(name)
+@pytest.mark.parametrize("rule", ["asks-at-random-2", "asks-at-random-often", "broadcasts-at-random--1", "broadcasts-every-0"])
+def test_impossible_numbers_are_refused_by_name(rule):
+    with pytest.raises(ValueError, match=f"{rule}: .*needs a number"):
+        find_policy(f"planner+{rule}")
 
 
 def test_unknown_rules_are_refused_with_those_there_are():
