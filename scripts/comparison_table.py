@@ -39,19 +39,18 @@ def column(folder) -> dict[str, str]:
         said[f"delivered, {pair} links in range: abstract, ray cast"] = ", ".join(figures)
     for words, name in (("Brier score of robot-robot fates", "brier"), ("AUC of the same", "auc")):
         said[f"{words}: abstract, fitted"] = ", ".join(rounded(links[("robot-robot",)], 3, name, f"{name}_fit"))
-    said["TWCR, abstract"] = rounded(metrics["abstract", "twcr"], 3, "mean")[0]
-    for words, condition in (("ray cast", "raycast"), ("fitted", "abstract-fit")):
-        said[f"TWCR, {words}, difference"] = difference(metrics[condition, "twcr"], 3)
+    said |= of_policies(folder)
+    said["TWCR, fitted, difference"] = difference(metrics["abstract-fit", "twcr"], 3)
     for name, (words, digits) in DIFFERENCES.items():
         said[f"{words}, difference"] = difference(metrics["raycast", name], digits)
     shuffled = next(value for words, value in controls.items() if words.startswith("shuffled identities: TWCR"))
     identical = next(value for words, value in controls.items() if words.startswith("obstacle-free"))
     said["shuffled identities, TWCR, difference to ray cast"] = shuffled
-    return said | {"obstacle-free missions bit-identical": identical} | of_policies(folder)
+    return said | {"obstacle-free missions bit-identical": identical}
 
 
 def of_policies(folder) -> dict[str, str]:
-    """What ray casts change for each policy."""
+    """What ray casts change for each policy; all other rows are of the first one."""
     rows = {name: row for (name,), row in read(folder, "policies", "policy").items()}
     gap = "raycast_minus_abstract", "gap_low", "gap_high"
     return {
