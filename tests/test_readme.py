@@ -16,6 +16,7 @@ from commhg_mj.learning.pretrained import split_variant, trained_methods
 from commhg_mj.learning.registry import METHODS
 from commhg_mj.mission import observe
 from commhg_mj.policies.planner import ABLATIONS
+from commhg_mj.policies.talk import find_talk
 from commhg_mj.radio.link_models import LINK, OWN_MODELS
 
 ROOT = Path(__file__).parent.parent
@@ -135,8 +136,15 @@ def test_every_command_parses(line):
     assert type(command).__name__.lower() == words[1]
     policies, scenarios = (several(getattr(command, name, None) or ()) for name in ("policy", "scenario"))
     known = (*POLICIES, *trained_methods(), *(f"planner+{ablation}" for ablation in ABLATIONS))
-    assert all(policy in known or policy.endswith("/weights.safetensors") for policy, _ in map(split_variant, policies))
+    bases = {split_variant(without_talk(policy))[0] for policy in policies}
+    assert all(policy in known or policy.endswith("/weights.safetensors") for policy in bases)
     assert all(scenario in (*SCENARIOS, "all") or scenario.endswith(".toml") for scenario in scenarios)
+
+
+def without_talk(policy: str) -> str:
+    """A policy's name without the rules that replace what it says."""
+    base, _, ending = policy.rpartition("+")
+    return without_talk(base) if base and find_talk(ending) else policy
 
 
 def several(names) -> set[str]:

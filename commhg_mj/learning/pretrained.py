@@ -109,5 +109,5 @@ def _digest_version(path, version):
         raise ValueError(f"weights {path}: {error.strerror}") from None
 
 
-ALSO = f", a trained method or a file of weights ({ENDING})"
+ALSO = f", a trained method or weights ({ENDING})"
 SOURCES.append(Source(find_learned, label_learned, ALSO))

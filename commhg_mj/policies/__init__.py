@@ -97,7 +97,7 @@ def label_talking(name: str) -> str | None:
 
 
 TALKING = Source(  # what is not a whole name elsewhere
-    find_talking, label_talking, f", any of them+ one of {', '.join([*TALKS, *NUMBERED])}"
+    find_talking, label_talking, f", any+ of {', '.join([*TALKS, *NUMBERED])}"
 )
 
 
