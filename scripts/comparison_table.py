@@ -51,11 +51,10 @@ def column(folder) -> dict[str, str]:
 
 def of_policies(folder) -> dict[str, str]:
     """What ray casts change for each policy; all other rows are of the first one."""
-    rows = {name: row for (name,), row in read(folder, "policies", "policy").items()}
     gap = "raycast_minus_abstract", "gap_low", "gap_high"
     return {
         f"TWCR of `{name}`, abstract; ray cast, difference": f"{float(row['abstract']):.3f}; {difference(row, 3, gap)}"
-        for name, row in rows.items()
+        for (name,), row in read(folder, "policies", "policy").items()
     }
 
 

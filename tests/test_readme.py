@@ -16,7 +16,7 @@ from commhg_mj.learning.pretrained import split_variant, trained_methods
 from commhg_mj.learning.registry import METHODS
 from commhg_mj.mission import observe
 from commhg_mj.policies.planner import ABLATIONS
-from commhg_mj.policies.talk import find_talk
+from commhg_mj.policies.talk import split_talk
 from commhg_mj.radio.link_models import LINK, OWN_MODELS
 
 ROOT = Path(__file__).parent.parent
@@ -143,8 +143,8 @@ def test_every_command_parses(line):
 
 def without_talk(policy: str) -> str:
     """A policy's name without the rules that replace what it says."""
-    base, _, ending = policy.rpartition("+")
-    return without_talk(base) if base and find_talk(ending) else policy
+    base, rule = split_talk(policy)
+    return without_talk(base) if rule else base
 
 
 def several(names) -> set[str]:

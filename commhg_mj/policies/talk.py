@@ -55,6 +55,12 @@ def find_talk(name: str) -> Talk | None:
     return TALKS.get(name)
 
 
+def split_talk(name: str) -> tuple[str, str]:
+    """(policy, rule) of a name that ends in a rule, else (name, "")."""
+    base, _, ending = name.rpartition("+")
+    return (base, ending) if base and find_talk(ending) else (name, "")
+
+
 class Talking:
     """Callable policy: another one's decisions, but for what a `Talk` replaces."""
 

@@ -113,7 +113,7 @@ def n_queries(scores) -> float:
 
 
 def judge(twcr: dict[str, np.ndarray], is_team: bool) -> list[Rule]:
-    """What each rule says of these figures; some ask something of teams that are no small ones alone."""
+    """What each rule says of these figures; two ask nothing of who is no team (`TEAM`)."""
     greedy, reference, planner = twcr[MEASURE], twcr["omniscient"], twcr["planner"]
     level = mean_interval(greedy)
     asking, asking_high = planner - twcr["planner+no-query"], twcr["planner, high"] - twcr["planner+no-query, high"]
