@@ -143,8 +143,8 @@ def test_every_command_parses(line):
 
 def without_talk(policy: str) -> str:
     """A policy's name without the rules that replace what it says."""
-    base, rule = split_talk(policy)
-    return without_talk(base) if rule else base
+    base, _, talk = split_talk(policy)
+    return without_talk(base) if talk else base
 
 
 def several(names) -> set[str]:

@@ -23,7 +23,7 @@ from .greedy import Greedy
 from .omniscient import Omniscient, every_second
 from .planner import ABLATIONS, Planner
 from .random import Random
-from .talk import NUMBERED, TALKS, Talking, find_talk, split_talk
+from .talk import NUMBERED, TALKS, Talking, split_talk
 
 __all__ = ["POLICIES", "SOURCES", "PolicyInfo", "Source", "conditions_of", "find_policy", "label_of", "policy", "prepare"]
 
@@ -82,17 +82,17 @@ SOURCES = [  # and learning/pretrained.py's
 
 def find_talking(name: str) -> PolicyInfo | None:
     """A policy of which a rule of `talk.py` replaces what it says or asks."""
-    base, rule = split_talk(str(name))
-    if not rule:
+    base, _, talk = split_talk(str(name))
+    if talk is None:
         return None
     info = find_policy(base)
-    return info._replace(make=partial(Talking, make=info.make, talk=find_talk(rule)))
+    return info._replace(make=partial(Talking, make=info.make, talk=talk))
 
 
 def label_talking(name: str) -> str | None:
     """The label of the policy, and the rule."""
-    base, rule = split_talk(name)
-    return f"{label_of(base)}+{rule}" if rule else None
+    base, ending, talk = split_talk(name)
+    return f"{label_of(base)}+{ending}" if talk else None
 
 
 TALKING = Source(  # what is not a whole name elsewhere

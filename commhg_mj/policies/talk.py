@@ -55,10 +55,11 @@ def find_talk(name: str) -> Talk | None:
     return TALKS.get(name)
 
 
-def split_talk(name: str) -> tuple[str, str]:
-    """(policy, rule) of a name that ends in a rule, else (name, "")."""
+def split_talk(name: str) -> tuple[str, str, Talk | None]:
+    """(policy, its ending, the rule of that name); without a rule (name, "", None)."""
     base, _, ending = name.rpartition("+")
-    return (base, ending) if base and find_talk(ending) else (name, "")
+    talk = find_talk(ending) if base else None
+    return (base, ending, talk) if talk else (name, "", None)
 
 
 class Talking:
