@@ -8,9 +8,12 @@ from typing import NamedTuple
 import numpy as np
 import torch
 from torch import Tensor, nn
+from torch.nn import functional
 
 from ..base.kernels import kernel
+from .attention import attend
 from .networks import linear
+from .ragged import Edges
 
 ALL_DRAWN, LAYERS = 3, 3  # of attention
 REACH = 0.30  # sides: within it entities are near; the radio's nominal range
@@ -51,25 +54,13 @@ class Attention(nn.Module):
         self.query, self.key, self.value = (linear(width, heads * width) for _ in range(3))
         self.distance, self.itself = linear(1, heads * width, bias=False), linear(width, width)
 
-    def forward(self, agents: Tensor, near: Near) -> Tensor:
-        """[n, width] of agents [n, width]; sources are agents, too."""
+    def forward(self, agents: Tensor, edges: Edges, distance: Tensor) -> Tensor:
+        """[n, width] of agents [n, width], with the distance [E] of every edge; sources are agents, too."""
         query, key, value = (layer(agents).view(-1, self.heads, self.width) for layer in (self.query, self.key, self.value))
         # Keys and values have the mapped distance added; by linearity it is multiplied once an agent, not once an edge.
         along = self.distance.weight.view(self.heads, self.width)
-        score = (query[near.receiver] * key[near.source]).sum(dim=2) + near.distance * (query * along).sum(dim=2)[near.receiver]
-        weight = softmax_by(near.receiver, score / self.width**0.5, len(agents))
-        values = (weight[..., None] * value[near.source]).mean(dim=1)
-        told = torch.zeros_like(agents).index_add(0, near.receiver, values)
-        far = weight.new_zeros(len(agents), self.heads).index_add(0, near.receiver, weight * near.distance)
+        told, far = attend(query, key, value, (query * along).sum(dim=2), distance, edges)
         return torch.relu(self.itself(agents) + told + far @ along / self.heads)
-
-
-def softmax_by(receiver: Tensor, score: Tensor, n: int) -> Tensor:
-    """[E, H] weights that add up to 1 over the edges of each receiver."""
-    index = receiver[:, None].expand_as(score)
-    top = score.new_full((n, score.shape[1]), -torch.inf).scatter_reduce(0, index, score.detach(), "amax")
-    weight = (score - top[receiver]).exp()
-    return weight / torch.zeros_like(top).index_add(0, receiver, weight)[receiver]
 
 
 class EntityGraph(nn.Module):
@@ -82,11 +73,19 @@ class EntityGraph(nn.Module):
     def forward(self, nodes: Tensor, types: Tensor, near: Near, n_agents: int) -> Tensor:
         """[n_agents, width]; the first nodes are the agents."""
         agents = self.embed(nodes, types, near, n_agents)
-        among = near.source < n_agents
-        near = Near(near.receiver[among], near.source[among], near.distance[among])
+        edges, distance = among_agents(near, n_agents)
         for layer in self.layers:
-            agents = layer(agents, near)
+            agents = layer(agents, edges, distance)
         return agents
+
+
+def among_agents(near: Near, n_agents: int) -> tuple[Edges, Tensor]:
+    """(edges whose sources are agents, by receiver; their distances [E])."""
+    among = (near.source < n_agents).nonzero()[:, 0]
+    rows = near.receiver[among]
+    among = among[torch.argsort(rows, stable=True)]
+    counts = torch.bincount(rows, minlength=n_agents)
+    return Edges(functional.pad(counts.cumsum(dim=0), (1, 0)), near.source[among]), near.distance[among, 0]
 
 
 def pair_up(peer_ptr: Tensor, task_ptr: Tensor, agents: Tensor, tasks: Tensor) -> Near:

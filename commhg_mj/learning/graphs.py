@@ -16,8 +16,7 @@ from ..mission.batch import MissionBatch
 from ..mission.decide import Decisions
 from ..mission.estimate import attempt, control_gain
 from ..mission.observe import Observations
-from ..policies.greedy import choose_robots
-from ..policies.planner import WHOLE, new_desk, new_memory, talk
+from ..policies.planner import WHOLE, new_desk, new_memory, supervise, talk
 from ..policies.schedule import follow_schedule
 from .features import LONG, OPERATOR, PEER, PLAN, PLAN_EDGE, PUBLIC, REPORT, RESOURCE, ROBOT, SHORT, TASK_EDGE, columns_of
 from .memory import Memory, forget, recall
@@ -158,7 +157,7 @@ class GraphBuilder:
             np.empty(k, np.int64), self.memory.room(k, r), np.empty(k, np.int64), np.empty(k, np.int64), np.full(k, KEEP),
         )  # fmt: skip
         if self.wants.plans:
-            choose_robots(self.rules, seen, graphs.plan)
+            supervise(self.rules, WHOLE, seen, graphs.plan)
         fill_operators(self.rules[0], self.scale[0], seen, graphs, self.memory.of_operators, self.wants.every_record)
         return graphs._replace(itself=columns_of(graphs.itself), report=columns_of(graphs.report), past=columns_of(graphs.past))
 

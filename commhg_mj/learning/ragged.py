@@ -66,14 +66,14 @@ class _Mean(torch.autograd.Function):
         tensors = [tensor.contiguous() for tensor in (edge, source, receiver, index, ptr)]
         ctx.save_for_backward(*tensors)
         out = torch.zeros_like(tensors[2])
-        add_means(*_arrays(*tensors), out.numpy())
+        add_means(*arrays_of(*tensors), out.numpy())
         return out
 
     @staticmethod
     def backward(ctx, grad):
         edge, source, receiver = ctx.saved_tensors[:3]
         grads = torch.empty_like(edge), torch.zeros_like(source), torch.zeros_like(receiver)
-        add_mean_gradients(*_arrays(*ctx.saved_tensors, grad.contiguous(), *grads))
+        add_mean_gradients(*arrays_of(*ctx.saved_tensors, grad.contiguous(), *grads))
         return *grads, None, None
 
 
@@ -83,18 +83,19 @@ class _Score(torch.autograd.Function):
         tensors = [tensor.contiguous() for tensor in (edge, source, receiver, weight, index, ptr)]
         ctx.save_for_backward(*tensors)
         out = edge.new_empty(len(edge))
-        write_scores(*_arrays(*tensors), out.numpy())
+        write_scores(*arrays_of(*tensors), out.numpy())
         return out
 
     @staticmethod
     def backward(ctx, grad):
         edge, source, receiver, weight = ctx.saved_tensors[:4]
         grads = torch.empty_like(edge), *(torch.zeros_like(tensor) for tensor in (source, receiver, weight))
-        add_score_gradients(*_arrays(*ctx.saved_tensors, grad.contiguous(), *grads))
+        add_score_gradients(*arrays_of(*ctx.saved_tensors, grad.contiguous(), *grads))
         return *grads, None, None
 
 
-def _arrays(*tensors):
+def arrays_of(*tensors) -> list[np.ndarray]:
+    """Tensors on the CPU as the arrays that they are."""
     return [tensor.detach().numpy() for tensor in tensors]
 
 

@@ -130,10 +130,16 @@ def choose(rules, plan, desk, memory, observations, decisions):
         if plan.remembers:
             remember(robot, observations.robot_tasks[i], taken)
         decisions.task[i] = KEEP if is_settled(robot) else choose_task(rules[0], plan, desk, taken, observations, i)
+    supervise(rules, plan, observations, decisions.operator)
+
+
+@kernel
+def supervise(rules, plan, observations, choices):
+    """Fill in whom operators control."""
     if plan.persists:
-        persist(rules, observations, decisions.operator)
+        persist(rules, observations, choices)
     else:
-        choose_robots(rules, observations, decisions.operator)
+        choose_robots(rules, observations, choices)
 
 
 @kernel

@@ -8,7 +8,7 @@ import torch
 from learners import random_states
 
 from commhg_mj.learning.critic import Agents
-from commhg_mj.learning.entity_graphs import REACH, Attention, EmbedConv, Near, pair_up, softmax_by, within_reach
+from commhg_mj.learning.entity_graphs import REACH, Attention, EmbedConv, Near, among_agents, pair_up, within_reach
 from commhg_mj.learning.methods.informarl import GraphCritic
 from commhg_mj.learning.states import States
 
@@ -32,7 +32,7 @@ def test_attention_is_that_of_a_dense_masked_softmax():
     score = (split(layer.query(agents))[:, None] * key).sum(dim=-1) / math.sqrt(width)
     weight = torch.where(mask[..., None], score, -torch.inf).softmax(dim=1).nan_to_num()
     wanted = torch.relu(layer.itself(agents) + (weight[..., None] * value).sum(dim=1).mean(dim=1))
-    torch.testing.assert_close(layer(agents, edges), wanted, rtol=1e-5, atol=1e-6)
+    torch.testing.assert_close(layer(agents, *among_agents(edges, n)), wanted, rtol=1e-5, atol=1e-6)
 
 
 def test_messages_are_added_up_and_an_agent_with_nothing_near_gets_zeros():
@@ -46,11 +46,11 @@ def test_messages_are_added_up_and_an_agent_with_nothing_near_gets_zeros():
     assert not torch.allclose(together, layer(nodes, 1 - types, edges, 4)), "types of entities do not matter"
 
 
-def test_weights_of_a_receiver_add_up_to_one_however_large_scores_are():
-    receiver = torch.tensor([0, 0, 2, 2, 2])
-    weight = softmax_by(receiver, 1e4 * torch.randn(5, 3, generator=torch.Generator().manual_seed(0)), 3)
-    total = torch.zeros(3, 3).index_add(0, receiver, weight)
-    torch.testing.assert_close(total, torch.tensor([[1.0] * 3, [0.0] * 3, [1.0] * 3]))
+def test_edges_among_agents_go_by_receiver_and_leave_out_other_sources():
+    receiver, source = torch.tensor([(2, 0), (0, 4), (0, 2), (2, 3), (0, 1), (2, 1)]).T
+    edges, distance = among_agents(Near(receiver, source, torch.arange(6.0)[:, None]), 3)
+    assert edges.ptr.tolist() == [0, 2, 2, 4] and edges.index.tolist() == [2, 1, 0, 1]
+    assert distance.tolist() == [2, 4, 0, 5]
 
 
 @pytest.mark.parametrize("seed", range(3))

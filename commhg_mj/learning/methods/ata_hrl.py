@@ -11,8 +11,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import logsigmoid
 
+from ..attention import softmax_by
 from ..critic import Critic
-from ..entity_graphs import softmax_by
 from ..features import OPERATOR, PEER, PUBLIC, REPORT, RESOURCE, ROBOT, TASK_EDGE
 from ..graphs import Wants
 from ..heads import RobotLogits
