@@ -116,7 +116,7 @@ class Train:
                 advance(row["missions"] - shown)
                 shown = row["missions"]
                 say(_line(row, plan.missions, training.validation), LOG)
-        minutes = (training.cpu_seconds + training.cpu_before) / 60
+        minutes = (training.cpu_seconds + training.before.cpu_seconds) / 60
         say(f"{training.folder / WEIGHTS} after {minutes:.0f} CPU-minutes in all")
         return training.updates - before
 

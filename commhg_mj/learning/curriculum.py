@@ -37,7 +37,8 @@ def stages(plan: Plan, folder) -> list[tuple[Plan, Path]]:
         parts = [part for part in parts_of(plan.learner) if not (init and part == ("clone",))] or [plan.learner]
         for part in parts:
             where = at if part is parts[-1] else at / "-".join(part)
-            stage = dataclasses.replace(plan, scenario=scenario, missions=missions, learner=part, init=init, hyper=hyper)
+            refined = hyper.refining() if part is not parts[0] else hyper
+            stage = dataclasses.replace(plan, scenario=scenario, missions=missions, learner=part, init=init, hyper=refined)
             found.append((stage, where))
             init = str(where / WEIGHTS)
     return found

@@ -15,7 +15,7 @@ from .distributed import ALONE, ProcessGroup
 from .fitting import EPOCHS, Fit
 from .points import Gatherer, join_points, load_points, save_points
 from .registry import make_method
-from .train import TRAINING_SEEDS, WEIGHTS, Plan, Run, begin_with
+from .train import TRAINING_SEEDS, WEIGHTS, Before, Plan, Run, begin_with
 from .validation import Validation
 from .weights import load_weights, save_weights
 
@@ -38,7 +38,7 @@ class Improvement(Run):
         self.plan, self.folder, self.group = instance("plan", plan, Plan), path_of("folder", folder), group
         torch.manual_seed(plan.seed)
         self.method = make_method(plan.method, plan.plans)
-        self.cpu_before = begin_with(self.method, plan.init) if plan.init else 0.0
+        self.before = begin_with(self.method, plan.init) if plan.init else Before()
         self.validation = Validation(plan.scenario, plan.links, plan.limitation)
         self.n_blocks = -(-plan.missions // plan.side_by_side)
         self.cpu_seconds, self.updates, self.missions, self.decisions, self.written = 0.0, 0, 0, 0, None
@@ -55,7 +55,7 @@ class Improvement(Run):
             return
         (self.folder / POINTS).mkdir(parents=True, exist_ok=True)
         first = self.group.rank
-        while self.updates < self.n_blocks and self.cpu_seconds < GATHERING * (cpu_seconds - self.cpu_before):
+        while self.updates < self.n_blocks and self.cpu_seconds < GATHERING * (cpu_seconds - self.before.cpu_seconds):
             row = self._gather(self.updates + first)
             if self.group.is_first:
                 self.log(row)

@@ -8,6 +8,7 @@ import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -26,7 +27,7 @@ from .run_log import Log
 from .validation import Validation
 from .weights import load_weights, save_weights
 
-FORMAT = "commhg_mj training 7"
+FORMAT = "commhg_mj training 8"
 STATE, WEIGHTS, CLONED = "state.pt", "weights.safetensors", "cloned.safetensors"
 LEARNERS = ("clone", "ppo", "rollouts")  # imitation of the teacher; ppo.py; improvement.py
 TEACHERS = ("greedy", "planner")
@@ -72,14 +73,24 @@ class Plan:
             object.__setattr__(self, name, value)
 
 
+class Before(NamedTuple):
+    """What became of weights before a run began with them."""
+
+    cpu_seconds: float = 0.0
+    learners: tuple[str, ...] = ()
+
+
 class Run:
-    """What a run of any learner says of itself; it has a plan, a folder, counts, and `written`, its log once it is begun."""
+    """What a run of any learner says of itself; it has a plan, a folder, what was `before` it, counts, and `written`, its log
+    once it is begun.
+    """
 
     def facts(self) -> dict:
         """What a model card says of the training."""
         counts = {"missions": self.missions, "decisions": self.decisions, "updates": self.updates}
-        spent = {"cpu_seconds": round(self.cpu_seconds), "cpu_seconds_before": round(self.cpu_before)}
-        return {"plan": json.loads(plan_to_json(self.plan)), **spent, **counts}
+        spent = {"cpu_seconds": round(self.cpu_seconds), "cpu_seconds_before": round(self.before.cpu_seconds)}
+        own = [name for name in self.plan.learner if not (name == "clone" and self.plan.init)]  # given weights are no imitation
+        return {"plan": json.loads(plan_to_json(self.plan)), "learners": [*self.before.learners, *own], **spent, **counts}
 
     def log(self, row: dict) -> None:
         """Append an update's row to the run's log; before `save`, as a resumed run writes it again."""
@@ -106,11 +117,11 @@ class Training(Run):
         self.rng = np.random.default_rng([plan.seed, group.rank])
         torch.manual_seed(plan.seed)
         self.method = make_method(plan.method, plan.plans)
-        self.cpu_before = 0.0  # that the weights to begin with had cost
+        self.before = Before()
         if state is not None:
             self.method.load_state_dict(state["method"])
         elif plan.init:
-            self.cpu_before = begin_with(self.method, plan.init)
+            self.before = begin_with(self.method, plan.init)
         self.learner = Learner(self.method, plan.hyper, group, device)
         first = (1 + plan.seed) * TRAINING_SEEDS + group.rank * (TRAINING_SEEDS // group.size)
         self.collector = Collector(
@@ -127,7 +138,8 @@ class Training(Run):
         mine = state["workers"][self.group.rank]
         self.collector.load_state_dict(mine["collector"])
         self.rng.bit_generator.state = mine["rng"]
-        self.updates, self.missions, self.decisions, self.cpu_seconds, self.cpu_before = state["counts"]
+        self.updates, self.missions, self.decisions, self.cpu_seconds = state["counts"]
+        self.before = Before(state["before"][0], tuple(state["before"][1:]))
 
     @property
     def is_done(self) -> bool:
@@ -151,7 +163,7 @@ class Training(Run):
 
     def run(self, cpu_seconds: float = float("inf")) -> Iterator[dict]:
         """What happened in each update until the run is done, or has cost so much; all that is told is saved."""
-        while not self.is_done and self.cpu_seconds + self.cpu_before < cpu_seconds:
+        while not self.is_done and self.cpu_seconds + self.before.cpu_seconds < cpu_seconds:
             row = self.update()
             if self.group.is_first:
                 self.log(row)
@@ -201,7 +213,8 @@ class Training(Run):
         state = {
             "format": FORMAT, "plan": plan_to_json(self.plan), "method": self.method.state_dict(),
             "optimizer": self.learner.optimizer.state_dict(), "workers": workers,
-            "counts": [self.updates, self.missions, self.decisions, self.cpu_seconds, self.cpu_before],
+            "counts": [self.updates, self.missions, self.decisions, self.cpu_seconds],
+            "before": [self.before.cpu_seconds, *self.before.learners],
         }  # fmt: skip
         content = io.BytesIO()  # torch's own writer does not say what is wrong with a file
         torch.save(state, content)
@@ -263,8 +276,8 @@ def check_training_seed(seed: int) -> int:
     return whole("seed of a training", seed, 0, LARGEST_SEED // TRAINING_SEEDS - 2)
 
 
-def begin_with(method, path) -> float:
-    """Give a method the weights of a file; returns the seconds of CPU that they had cost.
+def begin_with(method, path) -> Before:
+    """Give a method the weights of a file; returns what they had cost, and by what they had learned.
 
     Raises:
       ValueError: the file is refused, or holds another method; the message names it.
@@ -276,7 +289,12 @@ def begin_with(method, path) -> float:
         raise ValueError(f"init: {path} was trained {'without' if other.plan is None else 'with'} --plans")
     method.load_state_dict(other.state_dict())
     method.scale = ReturnScale()  # other missions may pay otherwise
-    return facts.get("cpu_seconds", 0) + facts.get("cpu_seconds_before", 0)
+    return Before(facts.get("cpu_seconds", 0) + facts.get("cpu_seconds_before", 0), learners_of(facts))
+
+
+def learners_of(facts: dict) -> tuple[str, ...]:
+    """What weights with such facts learned by, one after the other."""
+    return tuple(facts.get("learners", facts.get("plan", {}).get("learner", ())))
 
 
 def plan_to_json(plan: Plan) -> str:

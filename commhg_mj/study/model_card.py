@@ -4,6 +4,7 @@ import json
 
 from ..flights.held_out import HELD_OUT
 from ..learning.pretrained import BY_ROLLOUTS, VARIANTS
+from ..learning.train import learners_of
 from ..learning.weights import load_weights
 from ..policies import label_of
 from ..replay.communication import FIGURES, mean_figures
@@ -19,8 +20,8 @@ CARD = """# {method} for {scenario}
 Weights: `{name}.safetensors`. Written by `commhg-mj publish`; nothing here is typed in by hand.
 
 ## Training
-{missions:,} missions, {decisions:,} decisions to learn from, {updates} updates in {minutes:.0f} CPU-minutes; the weights that
-it began with had cost {before:.0f}.
+Learned by {learners}: {missions:,} missions, {decisions:,} decisions to learn from, {updates} updates in
+{minutes:.0f} CPU-minutes; the weights that it began with had cost {before:.0f}.
 
 ```json
 {plan}
@@ -51,9 +52,9 @@ Share of the gap between greedy and the omniscient reference that is closed: {ga
 """
 
 
-def name_of(method, plan: dict) -> str:
-    """What weights go by that were trained by such a plan."""
-    return method.name + (BY_ROLLOUTS if "rollouts" in plan.get("learner", ()) else "")
+def name_of(method, facts: dict) -> str:
+    """What weights with such facts go by."""
+    return method.name + (BY_ROLLOUTS if "rollouts" in learners_of(facts) else "")
 
 
 def make_card(path, n_missions: int, links: str, limitation: str, workers: int, advance) -> tuple[str, str]:
@@ -73,10 +74,10 @@ def make_card(path, n_missions: int, links: str, limitation: str, workers: int, 
     greedy, _, omniscient, learned = (row["twcr"].mean for row in rows)
     gap = f"{(learned - greedy) / (omniscient - greedy):.0%}" if omniscient > greedy else "there is none"
     lacking = compare_scores({policy: flights[policy] for policy in (own, *variants)})
-    called = name_of(method, facts["plan"])
+    called = name_of(method, facts)
     name = f"{called}-{scenario.name}"
     card = CARD.format(
-        method=called, scenario=scenario.name, name=name, missions=facts["missions"],
+        method=called, scenario=scenario.name, name=name, learners=", then ".join(learners_of(facts)), missions=facts["missions"],
         decisions=facts["decisions"], updates=facts["updates"], minutes=facts["cpu_seconds"] / 60,
         before=facts["cpu_seconds_before"] / 60, plan=json.dumps(facts["plan"] | {"scenario": scenario.name}, indent=2),
         n=n_missions, first=HELD_OUT, last=HELD_OUT + n_missions - 1, links=links, limitation=limitation,

@@ -448,16 +448,22 @@ def names_in(path):
 
 
 def test_learners_one_after_the_other_each_in_a_folder_of_its_own(run, tiny, tmp_path):
-    words = options(tiny, "r", missions=6, method="mappo", learner="clone,rollouts", teacher="planner")
+    words = options(tiny, "r", missions=6, method="mappo", learner="clone,rollouts,ppo", teacher="planner")
     assert run("train", *words, "--plans")[0] == 0
-    cloned, improved = (load_weights(tmp_path / name / train.WEIGHTS) for name in ("r/clone", "r"))
-    assert [facts["plan"]["learner"] for _, facts in (cloned, improved)] == [["clone"], ["rollouts"]]
-    assert improved[1]["cpu_seconds_before"] == cloned[1]["cpu_seconds"] and improved[0].plan is not None
+    learned = [load_weights(tmp_path / name / train.WEIGHTS) for name in ("r/clone", "r/rollouts", "r")]
+    (_, cloned), (_, improved), (method, refined) = learned
+    assert [facts["plan"]["learner"] for _, facts in learned] == [["clone"], ["rollouts"], ["ppo"]]
+    assert [facts["learners"] for _, facts in learned] == [["clone"], ["clone", "rollouts"], ["clone", "rollouts", "ppo"]]
+    assert improved["cpu_seconds_before"] == cloned["cpu_seconds"] and method.plan.bounds == 1
+    assert refined["cpu_seconds_before"] == improved["cpu_seconds_before"] + improved["cpu_seconds"]
+    rates = [facts["plan"]["hyper"]["learning_rate"] for facts in (cloned, refined)]
+    assert rates[1] < rates[0] and refined["plan"]["hyper"]["entropy"] == 0, "what was learned is refined, not undone"
     before = (tmp_path / "r" / train.WEIGHTS).read_bytes()
     code, out, _ = run("train", "--resume", "--out", "r")
     assert code == 0 and "nothing was left to do" in out and (tmp_path / "r" / train.WEIGHTS).read_bytes() == before
     assert run("publish", "r", "--out", "p", "--missions", 2, "--workers", 1)[0] == 0
-    assert (tmp_path / "p/mappo-rollouts-tiny.md").exists() and names_in(tmp_path / "p/mappo-rollouts-tiny.safetensors")
+    assert names_in(tmp_path / "p/mappo-rollouts-tiny.safetensors")
+    assert "Learned by clone, then rollouts, then ppo: " in (tmp_path / "p/mappo-rollouts-tiny.md").read_text()
     assert run("evaluate", "--policy", "r/weights.safetensors+drawn", "--scenario", tiny, "--missions", 2, "--workers", 1)[0] == 0
     assert "was trained with --plans" in run("train", *options(tiny, "s", method="mappo", init="r/weights.safetensors"))[2]
 
