@@ -37,8 +37,9 @@ def stages(plan: Plan, folder) -> list[tuple[Plan, Path]]:
         parts = [part for part in parts_of(plan.learner) if not (init and part == ("clone",))] or [plan.learner]
         for part in parts:
             where = at if part is parts[-1] else at / "-".join(part)
-            refined = hyper.refining() if part is not parts[0] else hyper
-            stage = dataclasses.replace(plan, scenario=scenario, missions=missions, learner=part, init=init, hyper=refined)
+            if part is not parts[0]:  # what was learned is sharp: a pull to entropy would undo it
+                hyper = dataclasses.replace(hyper, entropy=0.0)
+            stage = dataclasses.replace(plan, scenario=scenario, missions=missions, learner=part, init=init, hyper=hyper)
             found.append((stage, where))
             init = str(where / WEIGHTS)
     return found

@@ -1,7 +1,7 @@
 """PPO over decisions of both roles (paper, section III-C and D): one joint ratio a robot decision, clipped once."""
 
 from copy import deepcopy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -76,14 +76,11 @@ class Hyper:
     def of(cls, n_robots: int, is_refining: bool, **others) -> "Hyper":
         """For a team: it shares one reward, so the more decide, the noisier each one's share of an update is.
 
-        Weights to begin with are refined.
+        Weights to begin with are refined: in that noise large steps and a pull to entropy would undo them.
         """
-        hyper = cls(decisions=min(16_384, max(cls.decisions, 2048 * whole("n_robots", n_robots, 1))), **others)
-        return hyper.refining() if is_refining else hyper
-
-    def refining(self) -> "Hyper":
-        """For weights that have learned: in the noise of few updates large steps and a pull to entropy would undo them."""
-        return replace(self, learning_rate=min(1e-4, self.learning_rate), entropy=0.0)
+        refining = {"learning_rate": 1e-4, "entropy": 0.0} if is_refining else {}
+        decisions = min(16_384, max(cls.decisions, 2048 * whole("n_robots", n_robots, 1)))
+        return cls(decisions=decisions, **refining, **others)
 
 
 def check_device(device: str) -> None:

@@ -456,8 +456,7 @@ def test_learners_one_after_the_other_each_in_a_folder_of_its_own(run, tiny, tmp
     assert [facts["learners"] for _, facts in learned] == [["clone"], ["clone", "rollouts"], ["clone", "rollouts", "ppo"]]
     assert improved["cpu_seconds_before"] == cloned["cpu_seconds"] and method.plan.bounds == 1
     assert refined["cpu_seconds_before"] == improved["cpu_seconds_before"] + improved["cpu_seconds"]
-    rates = [facts["plan"]["hyper"]["learning_rate"] for facts in (cloned, refined)]
-    assert rates[1] < rates[0] and refined["plan"]["hyper"]["entropy"] == 0, "what was learned is refined, not undone"
+    assert cloned["plan"]["hyper"]["entropy"] > 0 == refined["plan"]["hyper"]["entropy"], "what was learned is not undone"
     before = (tmp_path / "r" / train.WEIGHTS).read_bytes()
     code, out, _ = run("train", "--resume", "--out", "r")
     assert code == 0 and "nothing was left to do" in out and (tmp_path / "r" / train.WEIGHTS).read_bytes() == before
