@@ -72,6 +72,11 @@ class Plan:
         for name, value in checked.items():
             object.__setattr__(self, name, value)
 
+    @property
+    def clones(self) -> bool:
+        """Whether the teacher is imitated: where more follows, given weights are kept instead."""
+        return self.learner[0] == "clone" and (not self.init or len(self.learner) == 1)
+
 
 class Before(NamedTuple):
     """What became of weights before a run began with them."""
@@ -89,7 +94,7 @@ class Run:
         """What a model card says of the training."""
         counts = {"missions": self.missions, "decisions": self.decisions, "updates": self.updates}
         spent = {"cpu_seconds": round(self.cpu_seconds), "cpu_seconds_before": round(self.before.cpu_seconds)}
-        own = [name for name in self.plan.learner if not (name == "clone" and self.plan.init)]  # given weights are no imitation
+        own = self.plan.learner if self.plan.clones else [name for name in self.plan.learner if name != "clone"]
         return {"plan": json.loads(plan_to_json(self.plan)), "learners": [*self.before.learners, *own], **spent, **counts}
 
     def log(self, row: dict) -> None:
@@ -153,13 +158,13 @@ class Training(Run):
             return "improve"
         if self.plan.init:
             return "value"
-        return "clone" if "clone" in self.plan.learner else "improve"
+        return "clone" if self.plan.clones else "improve"
 
     @property
     def has_cloned(self) -> bool:
         """The last update was the last that imitates the teacher."""
         is_last = self.updates == self.plan.first_updates > 0
-        return is_last and self.plan.learner == ("clone", "ppo") and not self.plan.init
+        return is_last and self.plan.clones and len(self.plan.learner) > 1
 
     def run(self, cpu_seconds: float = float("inf")) -> Iterator[dict]:
         """What happened in each update until the run is done, or has cost so much; all that is told is saved."""
