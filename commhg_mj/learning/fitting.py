@@ -9,7 +9,7 @@ from torch import Tensor
 from ..base.terms import KEEP
 from .batches import legal_picks, operator_batch, pick_batch, shifted
 from .heads import RobotChoices, RobotLogits, judge_apart, judge_operators, tensors_of
-from .points import NOT_TRIED, Points
+from .points import Points, Trials
 from .ppo import OUT_OF_REACH
 from .weights import OF_CRITIC
 
@@ -30,12 +30,12 @@ class Fit:
     def __init__(self, method, points: Points, rng):
         self.method, self.points, self.rng = method, points, rng
         self.optimizer = torch.optim.AdamW(actors_of(method), lr=RATE, weight_decay=DECAY)
-        self.targets = [centred(worth / UNIT, ~np.isnan(worth)) for worth in (points.worth, points.worth_picks)]
+        self.targets = [without_luck(tried) / UNIT for tried in (points.tried, points.tried_picks)]
         self.spread = [max(1e-6, float(np.nansum(target**2)) / max(1, np.sum(~np.isnan(target)))) for target in self.targets]
 
     def run(self) -> Iterator[dict]:
         """Losses of each epoch, the last of which leaves the method fitted."""
-        n, k = len(self.points.tried), len(self.points.tried_picks)
+        n, k = len(self.points.robots.mission), len(self.points.taught_picks)
         n_steps = max(1, n // MINIBATCH)
         for epoch in range(EPOCHS):
             robots, operators = self.rng.permutation(n), self.rng.permutation(k)
@@ -67,20 +67,20 @@ class Fit:
         logits = self.method.robot_logits(batch, public)
         task, *others = (column[rows] for column in points.taught)
         choices = tensors_of(RobotChoices(shifted(task, shift), *others))
-        scores = scores_of(logits, torch.from_numpy(shifted(points.tried[rows], shift[:, None])))
+        scores = scores_of(logits, torch.from_numpy(shifted(points.tried.choice[rows], shift[:, None])))
         judged = regression(scores, torch.from_numpy(self.targets[0][rows])) / self.spread[0]
         task, talk = judge_apart(logits, batch, choices)
-        is_imitated = torch.from_numpy(points.tried[rows, 0] == NOT_TRIED)
+        is_imitated = torch.from_numpy(~points.tried.are_there[rows])
         is_imitated &= task.log_prob > OUT_OF_REACH
         return judged, -(torch.where(is_imitated, task.log_prob, 0.0) + talk.log_prob).mean()
 
     def _operators(self, rows):
         points = self.points
         batch = operator_batch(points.operators, rows)
-        logits, picks = self.method.operator_logits(batch), torch.from_numpy(points.tried_picks[rows])
+        logits, picks = self.method.operator_logits(batch), torch.from_numpy(points.tried_picks.choice[rows])
         judged = regression(logits.gather(1, picks.clamp(min=0)), torch.from_numpy(self.targets[1][rows])) / self.spread[1]
         likelihood = judge_operators(logits, legal_picks(batch), torch.from_numpy(points.taught_picks[rows]))
-        return judged, -(likelihood.log_prob * (picks[:, 0] == NOT_TRIED)).mean()
+        return judged, -(likelihood.log_prob * torch.from_numpy(~points.tried_picks.are_there[rows])).mean()
 
 
 def actors_of(method) -> list:
@@ -88,10 +88,22 @@ def actors_of(method) -> list:
     return [parameter for name, parameter in method.named_parameters() if not name.startswith(OF_CRITIC)]
 
 
-def centred(worth: np.ndarray, is_there: np.ndarray) -> np.ndarray:
-    """[N, C] f4 worths less their row's mean; nan where there is none."""
+def without_luck(tried: Trials) -> np.ndarray:
+    """[n, C] f4 worths less their row's mean, and less what their flights' luck explains of the rest; nan where there is none.
+
+    Luck has a mean of 0 whatever is chosen, so that the worths stay unbiased; they scatter a third as much.
+    """
+    is_there = ~np.isnan(tried.worth)
+    worth, luck = centred(tried.worth, is_there), centred(tried.luck, is_there)
+    explained, *_ = np.linalg.lstsq(luck[is_there], worth[is_there])
+    return worth - luck @ explained
+
+
+def centred(values: np.ndarray, is_there: np.ndarray) -> np.ndarray:
+    """[n, C, ..] values less their row's mean over those [n, C] that are there; the others mean nothing."""
+    is_there = is_there.reshape(*is_there.shape, *[1] * (values.ndim - 2))
     count = np.maximum(1, is_there.sum(axis=1, keepdims=True))
-    return (worth - np.where(is_there, worth, 0.0).sum(axis=1, keepdims=True) / count).astype(np.float32)
+    return values - np.where(is_there, values, 0.0).sum(axis=1, keepdims=True) / count
 
 
 def scores_of(logits: RobotLogits, edges: Tensor) -> Tensor:

@@ -12,6 +12,7 @@ from ..base.files import whole_file
 from ..base.terms import KEEP, REST, Session
 from ..mission.batch import MissionBatch, stay
 from ..mission.observe import Observations
+from ..mission.state import LUCK
 from ..policies.alternatives import OPERATOR, ROBOT, Alternatives, list_candidates
 from ..policies.planner import WHOLE, choose, is_settled, new_desk, new_memory, talk
 from ..scenarios import part_of
@@ -22,7 +23,7 @@ from .heads import RobotChoices
 from .plan_numbers import CANDIDATES
 from .rollout import edges_of, from_decisions, join_choices, picks_of
 
-FORMAT = "commhg_mj points 3"
+FORMAT = "commhg_mj points 4"
 TEAM = 4  # robots of whose missions points are made: among more, luck hides what one choice is worth, and flights cost more
 N_TRIED = CANDIDATES  # robots' alternatives
 N_PICKED = 5  # operators' alternatives: the planner's pick, KEEP, REST and the robots that gain most
@@ -32,28 +33,43 @@ NOT_TRIED = -9
 FREE, BUSY, IMITATED = 0.9, 0.3, 0.1
 OPERATOR_FREE, OPERATOR_BUSY = 0.08, 0.01
 EXPLORED = 0.1  # share of points at which one of the alternatives is flown in place of the planner's pick
-LUCK = 1 << 40, 1 << 50  # seeds of flights; no mission has one of them
+NEW_LUCK = 1 << 40, 1 << 50  # seeds of flights; no mission has one of them
 GAIN = REPORT.index("gain")
-TABLES = {"robots": RobotGraphs, "operators": OperatorGraphs, "taught": RobotChoices}  # of points, in their file column by column
+
+
+class Trials(NamedTuple):
+    """Alternatives of n decisions, the planner's pick first, and how their flights ended."""
+
+    choice: np.ndarray  # [n, C] i8; NOT_TRIED: none
+    worth: np.ndarray  # [n, C] f4 mean TWCR, times the number of tasks; nan: none
+    luck: np.ndarray  # [n, C, LUCK] f4 mean luck of the same flights (mission/service.py: count_luck)
+
+    @property
+    def are_there(self) -> np.ndarray:
+        """[n] bool: the decision's alternatives were judged."""
+        return self.choice[:, 0] != NOT_TRIED
 
 
 class Points(NamedTuple):
-    """Decisions of N robots and K operators; alternatives of a row in order, the planner's pick first, NOT_TRIED: none."""
+    """Decisions of N robots and K operators, what the planner chose there, and what was tried."""
 
     robots: RobotGraphs  # `mission` is the row of `public`
     operators: OperatorGraphs
     public: np.ndarray  # [worlds, T, PUBLIC.width]
     taught: RobotChoices  # the planner's
     taught_picks: np.ndarray  # [K] i8 likewise
-    tried: np.ndarray  # [N, N_TRIED] i8 edge, KEEP or IDLE
-    worth: np.ndarray  # [N, N_TRIED] f4 mean TWCR, times the number of tasks
-    tried_picks: np.ndarray  # [K, N_PICKED] i8 columns of operators' logits
-    worth_picks: np.ndarray  # [K, N_PICKED] f4
+    tried: Trials  # [N, N_TRIED] edges, KEEP or IDLE
+    tried_picks: Trials  # [K, N_PICKED] columns of operators' logits
 
     @property
     def n_judged(self) -> int:
         """Decisions whose alternatives were judged."""
-        return int(np.sum(self.tried[:, 0] != NOT_TRIED) + np.sum(self.tried_picks[:, 0] != NOT_TRIED))
+        return int(self.tried.are_there.sum() + self.tried_picks.are_there.sum())
+
+
+TABLES = {  # of points, in their file column by column
+    "robots": RobotGraphs, "operators": OperatorGraphs, "taught": RobotChoices, "tried": Trials, "tried_picks": Trials,
+}  # fmt: skip
 
 
 class Gatherer:
@@ -77,22 +93,20 @@ class Gatherer:
             decisions = stay(seen)
             choose(batch.rules, WHOLE, self.desk, self.memory, seen, decisions)
             flown = decisions._replace(task=decisions.task.copy(), operator=decisions.operator.copy())
-            tried, worth = self._try_robots(seen, decisions, flown)
-            picks, worth_picks = self._try_operators(seen, operators, decisions, flown)
+            tried = self._try_robots(seen, decisions, flown)
+            picked = self._try_operators(seen, operators, decisions, flown)
             talk(WHOLE, self.memory, seen, flown)
             if self.builder.wants.plans:
                 self.builder.talk(seen, flown, True)  # the same once more, for it has a memory of its own
             decisions = flown._replace(task=decisions.task, operator=decisions.operator)
-            kept = (tried[:, 0] != NOT_TRIED) | (self.rng.random(len(tried)) < IMITATED)
-            kept_picks = (picks[:, 0] != NOT_TRIED) | (self.rng.random(len(picks)) < IMITATED)
-            steps.append(_cut(graphs, operators, decisions, (tried, worth, kept), (picks, worth_picks, kept_picks)))
+            kept, kept_picks = (each.are_there | (self.rng.random(len(each.choice)) < IMITATED) for each in (tried, picked))
+            steps.append(_cut(graphs, operators, decisions, (tried, kept), (picked, kept_picks)))
             batch.step_legal(flown)
         return _join(steps, self.public)
 
-    def _try_robots(self, seen: Observations, decisions, flown):
-        """([n, N_TRIED] tasks or IDLE, their worths) of some who are due; `flown` may get another than the planner's."""
-        n = len(seen.robots)
-        tried, worth = np.full((n, N_TRIED), NOT_TRIED), np.full((n, N_TRIED), np.nan, np.float32)
+    def _try_robots(self, seen: Observations, decisions, flown) -> Trials:
+        """Tasks or IDLE of some who are due; `flown` may get another than the planner's."""
+        tried = _no_trials(len(seen.robots), N_TRIED)
         for i, robot in enumerate(seen.robots):
             share = FREE if robot["task"] < 0 else BUSY
             if self.rng.random() >= share or robot["stand_left"] > 0.0 or is_settled(robot):
@@ -100,17 +114,15 @@ class Gatherer:
             n_found = list_candidates(self.batch.rules, self.desk, self.memory, seen, i, self.found)
             choices = self.found[: min(N_TRIED, n_found)].copy()
             if len(choices) > 1:
-                tried[i, : len(choices)] = choices
-                worth[i, : len(choices)] = self._judge(robot, ROBOT, robot["robot"], choices)
+                self._judge(robot, ROBOT, robot["robot"], choices, tried, i)
                 if self.rng.random() < EXPLORED:
                     choice = self.rng.choice(choices)
                     flown.task[i] = KEEP if choice == robot["task"] else choice
-        return tried, worth
+        return tried
 
-    def _try_operators(self, seen: Observations, graphs, decisions, flown):
-        """([k, N_PICKED] choices, their worths) of some operators who are due."""
-        k = len(seen.operators)
-        tried, worth = np.full((k, N_PICKED), NOT_TRIED), np.full((k, N_PICKED), np.nan, np.float32)
+    def _try_operators(self, seen: Observations, graphs, decisions, flown) -> Trials:
+        """Choices of some operators who are due."""
+        tried = _no_trials(len(seen.operators), N_PICKED)
         for i, operator in enumerate(seen.operators):
             is_busy = operator["session"] != Session.REST and not operator["exempt"]
             if self.rng.random() >= (OPERATOR_BUSY if is_busy else OPERATOR_FREE):
@@ -120,39 +132,47 @@ class Gatherer:
             options = [decisions.operator[i], *[KEEP] * bool(operator["can_keep"]), REST, *best]
             choices = list(dict.fromkeys(map(int, options)))[:N_PICKED]
             if len(choices) > 1:
-                tried[i, : len(choices)] = choices
-                worth[i, : len(choices)] = self._judge(operator, OPERATOR, operator["operator"], choices)
+                self._judge(operator, OPERATOR, operator["operator"], choices, tried, i)
                 if self.rng.random() < EXPLORED:
                     flown.operator[i] = self.rng.choice(choices)
-        return tried, worth
+        return tried
 
-    def _judge(self, actor, role, number, choices):
-        seeds = self.rng.integers(*LUCK, N_SEEDS)
-        twcr, _ = self.alternatives.judge(int(actor["mission"]), self.memory, role, int(number), choices, seeds)
-        return self.n_tasks * twcr.mean(axis=1)
+    def _judge(self, actor, role, number, choices, tried, row):
+        """Fill in a row of trials."""
+        seeds = self.rng.integers(*NEW_LUCK, N_SEEDS)
+        ends = self.alternatives.judge(int(actor["mission"]), self.memory, role, int(number), choices, seeds)
+        worth = self.n_tasks * ends.twcr.mean(axis=1)
+        for column, values in zip(tried, (choices, worth, ends.luck.mean(axis=1))):
+            column[row, : len(choices)] = values
+
+
+def _no_trials(n, n_choices) -> Trials:
+    shape = n, n_choices
+    return Trials(np.full(shape, NOT_TRIED), np.full(shape, np.nan, np.float32), np.zeros((*shape, LUCK), np.float32))
 
 
 def _cut(graphs, operators, decisions, tried, picked):
     """The rows of one step that are kept, in the order of `Points`."""
-    (tasks, worth, kept), (picks, worth_picks, kept_picks) = tried, picked
+    (tried, kept), (picked, kept_picks) = tried, picked
     taught, taught_picks = from_decisions(graphs, operators, decisions)
-    edges, rows = edges_of(graphs, tasks), np.flatnonzero(kept)
+    edges, rows = edges_of(graphs, tried.choice), np.flatnonzero(kept)
     robots, shift = pick_robots(graphs, rows)
     task, *others = (column[rows] for column in taught)
     return (
         robots, OperatorGraphs(*(column[kept_picks] for column in operators)),
         RobotChoices(shifted(task, shift), *others), taught_picks[kept_picks],
-        shifted(edges[rows], shift[:, None]), worth[rows], picks_of(picks)[kept_picks], worth_picks[kept_picks],
+        Trials(shifted(edges[rows], shift[:, None]), tried.worth[rows], tried.luck[rows]),
+        Trials(picks_of(picked.choice)[kept_picks], picked.worth[kept_picks], picked.luck[kept_picks]),
     )  # fmt: skip
 
 
 def _join(steps, public) -> Points:
-    robots, operators, taught, taught_picks, tried, worth, picks, worth_picks = zip(*steps)
+    robots, operators, taught, taught_picks, tried, picked = zip(*steps)
     starts = np.cumsum([0] + [len(part.task) for part in robots])
-    edges = [shifted(edge, start) for edge, start in zip(tried, starts)]
+    tried = [part._replace(choice=shifted(part.choice, start)) for part, start in zip(tried, starts)]
     return Points(
         join_robots(robots), join_operators(operators), public, join_choices(robots, taught), np.concatenate(taught_picks),
-        *map(np.concatenate, (edges, worth, picks, worth_picks)),
+        *(Trials(*map(np.concatenate, zip(*parts))) for parts in (tried, picked)),
     )  # fmt: skip
 
 

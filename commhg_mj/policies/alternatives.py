@@ -25,6 +25,14 @@ OF_STATE = [f"{name}_at" for name in State._fields if name != "missions"] + [f"l
 REST_SECONDS = 20.0  # that a tried REST lasts: one second of it would change nothing
 
 
+class Outcomes(NamedTuple):
+    """How flights from one state ended, [choices, seeds]."""
+
+    twcr: np.ndarray  # at the end
+    reward: np.ndarray  # from the state on
+    luck: np.ndarray  # [choices, seeds, LUCK] likewise (mission/service.py: count_luck)
+
+
 class Tried(NamedTuple):
     """One alternative: an actor's choice, which it holds while it can."""
 
@@ -52,8 +60,8 @@ class Alternatives:
         self.seen, self.masks = new_observations(1, scenario), new_masks(1, scenario)
         self.decisions = new_decisions(scenario)
 
-    def judge(self, e: int, memory: Memory, role: int, actor: int, choices, seeds) -> tuple[np.ndarray, np.ndarray]:
-        """(TWCR at the end, reward from now on) [choices, seeds] of the due actor's alternatives in mission e of the batch.
+    def judge(self, e: int, memory: Memory, role: int, actor: int, choices, seeds) -> Outcomes:
+        """Outcomes of the due actor's alternatives in mission e of the batch.
 
         Args:
           memory: the planner's, as it was before this second's decisions.
@@ -67,7 +75,7 @@ class Alternatives:
         missions = self.state.missions[:n]
         missions[OF_STATE] = self.addresses[:n]  # the world's stay the original's
         missions["seed"] = np.tile(np.asarray(seeds, np.uint64), n_choices)
-        before = missions["reward"].sum(axis=1)
+        before, luck = missions["reward"].sum(axis=1), missions["luck"].copy()
         fly_all_on(
             missions, self.batch.rules, self.desk, self.memory, self.seen, self.masks, self.decisions, role, actor,
             np.repeat(np.asarray(choices, np.int64), n_seeds),
@@ -75,7 +83,8 @@ class Alternatives:
         tasks = self.state.tasks[:n]
         timely = [twcr(row["value"], row["deadline"], row["decay"], row["done_at"]) for row in tasks]
         shape = n_choices, n_seeds
-        return np.reshape(timely, shape), (missions["reward"].sum(axis=1) - before).reshape(shape)
+        reward, luck = missions["reward"].sum(axis=1) - before, missions["luck"] - luck
+        return Outcomes(np.reshape(timely, shape), reward.reshape(shape), luck.reshape(*shape, -1))
 
 
 @kernel

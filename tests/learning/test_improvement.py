@@ -11,12 +11,22 @@ from strategies import change
 from commhg_mj.base.terms import IDLE, KEEP
 from commhg_mj.learning import improvement
 from commhg_mj.learning.features import PLAN, PLAN_EDGE
-from commhg_mj.learning.fitting import EPOCHS, Fit, centred, regression, scores_of
+from commhg_mj.learning.fitting import EPOCHS, Fit, centred, regression, scores_of, without_luck
 from commhg_mj.learning.heads import LEFT_OUT, RobotLogits
 from commhg_mj.learning.improvement import Improvement
 from commhg_mj.learning.learned_policy import LearnedPolicy
 from commhg_mj.learning.plan_numbers import CANDIDATES
-from commhg_mj.learning.points import N_PICKED, N_TRIED, NOT_TRIED, TEAM, Gatherer, join_points, load_points, save_points
+from commhg_mj.learning.points import (
+    N_PICKED,
+    N_TRIED,
+    NOT_TRIED,
+    TEAM,
+    Gatherer,
+    Trials,
+    join_points,
+    load_points,
+    save_points,
+)  # fmt: skip
 from commhg_mj.learning.registry import METHODS, make_method
 from commhg_mj.learning.train import Plan
 from commhg_mj.learning.weights import load_weights
@@ -44,21 +54,22 @@ def points():
 
 
 def test_points_say_what_was_tried_and_what_it_was_worth(points):
-    tried = points.tried[:, 0] != NOT_TRIED
-    assert points.n_judged == tried.sum() + (points.tried_picks[:, 0] != NOT_TRIED).sum() > 10
-    assert points.tried.shape[1] == N_TRIED and points.tried_picks.shape[1] == N_PICKED
-    assert np.array_equal(np.isnan(points.worth), points.tried == NOT_TRIED)
-    assert np.array_equal(np.isnan(points.worth_picks), points.tried_picks == NOT_TRIED)
-    assert (~np.isnan(points.worth[tried])).sum(axis=1).min() >= 2, "one alternative is none"
-    assert np.nanmin(points.worth) >= 0 and np.nanmax(points.worth) <= TINY.n_tasks
+    tried, picked = points.tried.are_there, points.tried_picks.are_there
+    choice, worth = points.tried.choice, points.tried.worth
+    assert points.n_judged == tried.sum() + picked.sum() > 10
+    assert choice.shape[1] == N_TRIED and points.tried_picks.choice.shape[1] == N_PICKED
+    for part in (points.tried, points.tried_picks):
+        assert np.array_equal(np.isnan(part.worth), part.choice == NOT_TRIED)
+        assert np.all(part.luck[part.choice == NOT_TRIED] == 0) and part.luck.any()
+    assert (~np.isnan(worth[tried])).sum(axis=1).min() >= 2, "one alternative is none"
+    assert np.nanmin(worth) >= 0 and np.nanmax(worth) <= TINY.n_tasks
     rows = np.repeat(np.arange(len(tried)), np.diff(points.robots.task_ptr))
     for i in np.flatnonzero(tried):
-        edges = points.tried[i][points.tried[i] >= 0]
+        edges = choice[i][choice[i] >= 0]
         assert np.all(rows[edges] == i) and np.all(points.robots.task_legal[edges]), "every alternative is open to its robot"
-        assert KEEP not in points.tried[i] or points.robots.keep_idle[i, 0]
-    picked = points.tried_picks[:, 0] != NOT_TRIED
-    assert np.array_equal(points.tried_picks[picked, 0], points.taught_picks[picked]), "the planner's comes first"
-    assert np.array_equal(points.tried[tried, 0], np.where(points.taught.task == NOT_TRIED, IDLE, points.taught.task)[tried])
+        assert KEEP not in choice[i] or points.robots.keep_idle[i, 0]
+    assert np.array_equal(points.tried_picks.choice[picked, 0], points.taught_picks[picked]), "the planner's comes first"
+    assert np.array_equal(choice[tried, 0], np.where(points.taught.task == NOT_TRIED, IDLE, points.taught.task)[tried])
     assert (~tried).any(), "some decisions are there to be imitated alone"
 
 
@@ -105,11 +116,24 @@ def test_scores_of_alternatives_are_those_of_their_edges_and_losses_forget_what_
     scores = scores_of(logits, torch.tensor([[2, 0, KEEP, IDLE]]))
     assert scores.tolist() == [[3.0, 1.0, 4.0, 5.0]]
     worth = np.array([[3.0, 1.0, 4.0, 5.0], [1.0, np.nan, 3.0, np.nan]])
-    target = torch.from_numpy(centred(worth, ~np.isnan(worth)))
+    target = torch.from_numpy(centred(worth, ~np.isnan(worth)).astype(np.float32))
     assert target[1, [0, 2]].tolist() == [-1.0, 1.0] and target[1].isnan().tolist() == [False, True, False, True]
     assert regression(scores + 7.0, target[:1]) == pytest.approx(0.0, abs=1e-6)
     assert regression(torch.tensor([[0.0, 9.0, 4.0, 9.0]]), target[1:]) == pytest.approx(1.0)
     assert regression(torch.tensor([[LEFT_OUT, 3.0, 6.0, 7.0]]), target[:1]) == pytest.approx(0.0)
+
+
+def test_what_luck_explains_is_taken_out_and_nothing_else():
+    rng = np.random.default_rng(0)
+    choice = np.tile([3, 1, NOT_TRIED], (400, 1))
+    luck = np.where(choice[..., None] == NOT_TRIED, 0.0, rng.normal(size=(400, 3, 2)))
+    true = np.where(choice == NOT_TRIED, np.nan, [2.0, 1.0, 0.0]) + rng.integers(0, 9, (400, 1))
+    found = without_luck(Trials(choice, true + luck @ [3.0, -0.5], luck))
+    assert np.isnan(found[:, 2]).all()
+    assert np.std(found[:, :2] - [0.5, -0.5]) < 0.15, "of a noise of 2.1 chance leaves a little"
+    lucky = Trials(choice, true, np.zeros_like(luck))
+    np.testing.assert_allclose(without_luck(lucky)[:, :2], np.tile([0.5, -0.5], (400, 1)), atol=1e-12)
+    assert without_luck(Trials(choice[:, 2:], true[:, 2:], luck[:, 2:])).shape == (400, 1), "nothing tried, nothing known"
 
 
 @pytest.mark.parametrize("name", MAY_READ)
@@ -128,8 +152,9 @@ def test_a_fit_learns_what_its_targets_say(points):
     """Worths that follow one feature: the fit ranks the alternatives by it."""
     torch.manual_seed(0)
     method, edges = make_method("commhg", True), points.robots.task_edge[:, 0]
-    worth = np.where(points.tried >= 0, 2.0 * edges[np.maximum(points.tried, 0)], np.nan).astype(np.float32)
-    learnable = points._replace(worth=np.where(np.isnan(points.worth), np.nan, worth))
+    tried = points.tried
+    worth = np.where(tried.choice >= 0, 2.0 * edges[np.maximum(tried.choice, 0)], np.nan).astype(np.float32)
+    learnable = points._replace(tried=tried._replace(worth=np.where(np.isnan(tried.worth), np.nan, worth)))
     first, *_, last = Fit(method, learnable, np.random.default_rng(0)).run()
     assert last["task_loss"] < first["task_loss"]
 

@@ -7,7 +7,7 @@ from strategies import change
 
 from commhg_mj.base.terms import IDLE, KEEP, REST
 from commhg_mj.mission.batch import MissionBatch, stay
-from commhg_mj.mission.state import ADDRESSES
+from commhg_mj.mission.state import ADDRESSES, LUCK
 from commhg_mj.policies.alternatives import OPERATOR, ROBOT, Alternatives, Tried, hold, list_candidates
 from commhg_mj.policies.planner import WHOLE, Memory, choose, new_desk, new_memory, talk
 from commhg_mj.scenarios import SCENARIOS
@@ -83,7 +83,7 @@ def test_the_planners_own_choice_with_the_missions_own_luck_is_the_mission_itsel
     flight.batch.step(flight.spoken(choices))
     flight.fly(160)
     score = flight.batch.scores()[0]
-    for twcr, reward in (robots, *operators):
+    for twcr, reward, _ in (robots, *operators):
         assert twcr.shape == (1, 1) and twcr[0, 0] == score.twcr
         assert reward[0, 0] == pytest.approx(score.reward_mission + score.reward_coordination - earned, abs=1e-9)
 
@@ -93,10 +93,24 @@ def test_repetitions_differ_by_their_luck_alone(flight):
     tasks = np.flatnonzero(flight.batch.observations.robot_tasks["legal"][row])[:2]
     flight.choices()
     alternatives = Alternatives(flight.batch, 12)
-    whole, _ = alternatives.judge(0, flight.memory, ROBOT, robot, tasks, range(100, 106))
-    again, _ = alternatives.judge(0, flight.memory, ROBOT, robot, tasks[1:], range(103, 106))
+    whole, *_ = alternatives.judge(0, flight.memory, ROBOT, robot, tasks, range(100, 106))
+    again, *_ = alternatives.judge(0, flight.memory, ROBOT, robot, tasks[1:], range(103, 106))
     assert np.array_equal(whole[1:, 3:], again), "neither the other alternatives nor the other repetitions matter"
     assert len(np.unique(whole)) > 2
+
+
+def test_luck_has_no_mean_and_explains_most_of_what_flights_differ_by(flight):
+    row, robot = first_free(flight)
+    tasks = np.flatnonzero(flight.batch.observations.robot_tasks["legal"][row])[:2]
+    flight.choices()
+    ends = Alternatives(flight.batch, 800).judge(0, flight.memory, ROBOT, robot, tasks, range(1000, 1400))
+    luck = ends.luck.reshape(800, LUCK)
+    assert np.all(np.abs(luck.mean(axis=0)) < 4.0 * luck.std(axis=0) / 20.0) and luck.std(axis=0).min() > 0.0
+    twcr, luck = ends.twcr[1] - ends.twcr[0], ends.luck[1] - ends.luck[0]
+    twcr, luck = twcr - twcr.mean(), luck - luck.mean(axis=0)
+    explained, *_ = np.linalg.lstsq(luck[::2], twcr[::2])
+    left = twcr[1::2] - luck[1::2] @ explained
+    assert (left**2).mean() < 0.6 * (twcr[1::2] ** 2).mean(), "on flights that the coefficients were not fitted to"
 
 
 def test_a_robot_holds_its_task_until_it_is_rid_of_it_and_idles_once():
@@ -150,7 +164,7 @@ def test_the_memory_of_a_mission_is_its_own(flight):
     flight.choices()
     row, robot = first_free(flight)
     tasks = np.flatnonzero(flight.batch.observations.robot_tasks["legal"][row])[:2]
-    expected, _ = Alternatives(flight.batch, 4).judge(0, flight.memory, ROBOT, robot, tasks, [1, 2])
+    expected, *_ = Alternatives(flight.batch, 4).judge(0, flight.memory, ROBOT, robot, tasks, [1, 2])
     alone = MissionBatch(SHORT, flight.batch.seeds[:1], "raycast")
     kept = {name: array[:1].copy() for name, array in flight.batch.state._asdict().items()}
     for name in ADDRESSES:

@@ -17,10 +17,11 @@ GOOD = {
     "omniscient": 0.8, "omniscient alone": 0.7, "planner perfect": 0.75, "planner+no-broadcast": 0.6, "planner+no-query": 0.695,
     "planner+no-query high": 0.64, "planner+always-asks": 0.66,
     "planner+broadcasts-every-30.0": 0.5, "planner+broadcasts-every-15.0": 0.68,  # half the bytes: half the period
-    "planner+asks-at-random-0.1 high": 0.5, "planner+asks-at-random-0.200 high": 0.645,  # likewise
+    "planner+broadcasts-at-random-0.300": 0.5, "planner+broadcasts-at-random-0.150": 0.68,  # twice the bytes: half the chance
+    "planner+asks-at-random-0.100 high": 0.5, "planner+asks-at-random-0.200 high": 0.645,  # likewise
 }
-QUERIES = {"planner": 20, "planner+asks-at-random-0.1": 10}
-BYTES = {"planner": 2000, "planner+broadcasts-every-30.0": 1000}
+QUERIES = {"planner": 20, "planner+asks-at-random-0.100": 10}
+BYTES = {"planner": 2000, "planner+broadcasts-every-30.0": 1000, "planner+broadcasts-at-random-0.300": 4000}
 
 
 @pytest.fixture
@@ -43,7 +44,7 @@ def flown(monkeypatch):
 def test_all_references_fly_the_same_missions(flown):
     ended = []
     result = calibrate("small", 4, advance=ended.append)
-    assert len(flown.calls) == N_FLIGHTS == len(result.twcr) + 2 and sum(ended) == 4 * N_FLIGHTS
+    assert len(flown.calls) == N_FLIGHTS == len(result.twcr) + 3 and sum(ended) == 4 * N_FLIGHTS
     assert {seeds for *_, seeds, _ in flown.calls} == {tuple(range(CALIBRATION, CALIBRATION + 4))}
     assert sum(scenario.n_operators == 0 for scenario, *_ in flown.calls) == 2
     assert {scenario.name for scenario, *_ in flown.calls} == {SCENARIOS["small"].name}
@@ -69,7 +70,8 @@ def test_all_references_fly_the_same_missions(flown):
         ({"planner+always-asks": 0.7}, [7]),
         ({"planner+no-query high": 0.655}, [8]),
         ({"planner+no-query high": 0.66}, [8, 9]),
-        ({"planner+asks-at-random-0.200 high": 0.655}, [10]),
+        ({"planner+broadcasts-at-random-0.150": 0.695, "planner+broadcasts-at-random-0.300": 0.0}, [10]),
+        ({"planner+asks-at-random-0.200 high": 0.655}, [11]),
     ],
 )
 def test_the_rules(flown, changes, broken):
@@ -92,7 +94,7 @@ def test_tables_hold_every_flight_and_verdict(flown):
     assert list(figures.columns[0].cells) == list(results[0].twcr)
     for result, column in zip(results, rules.columns[1:]):
         verdicts = list(column.cells)
-        expected = ["holds", "holds", "holds", "BROKEN", *["holds"] * 7]
+        expected = ["holds", "holds", "holds", "BROKEN", *["holds"] * 8]
         if result.scenario == "small":  # two rules are of larger teams
             expected[4] = expected[8] = "not asked"
         assert [cell.split(":")[0] for cell in verdicts] == expected
