@@ -42,7 +42,7 @@ class Trials(NamedTuple):
 
     choice: np.ndarray  # [n, C] i8; NOT_TRIED: none
     worth: np.ndarray  # [n, C] f4 mean TWCR, times the number of tasks; nan: none
-    luck: np.ndarray  # [n, C, LUCK] f4 mean luck of the same flights (mission/service.py: count_luck)
+    luck: np.ndarray  # [n, C, len(LUCK)] f4 mean luck of the same flights
 
     @property
     def are_there(self) -> np.ndarray:
@@ -148,7 +148,7 @@ class Gatherer:
 
 def _no_trials(n, n_choices) -> Trials:
     shape = n, n_choices
-    return Trials(np.full(shape, NOT_TRIED), np.full(shape, np.nan, np.float32), np.zeros((*shape, LUCK), np.float32))
+    return Trials(np.full(shape, NOT_TRIED), np.full(shape, np.nan, np.float32), np.zeros((*shape, len(LUCK)), np.float32))
 
 
 def _cut(graphs, operators, decisions, tried, picked):

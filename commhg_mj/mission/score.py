@@ -6,6 +6,7 @@ import numpy as np
 
 from ..base.elementary_functions import exp
 from ..base.terms import Activity, Fate, Kind
+from .state import LUCK
 
 
 @dataclass(frozen=True)
@@ -30,6 +31,7 @@ class Score:
     bytes_sent: int
     station_age: float  # s, mean age of the station's robot reports
     peer_age: float  # s, mean age of peers' reports at robots
+    luck: dict  # by how much services went better than their chances; what differs by luck alone (service.py: count_luck)
     messages: dict
 
 
@@ -70,6 +72,7 @@ def score_mission(state, e: int) -> Score:
         bytes_sent=int(state.counters[e]["bytes"].sum()),
         station_age=_mean_age(state.inboxes[e, -1:]),
         peer_age=_mean_age(state.inboxes[e, :-1]),
+        luck=dict(zip(LUCK, mission["luck"].tolist())),
         messages={kind.name.lower(): _message_counts(state.counters[e, kind]) for kind in Kind},
     )
 

@@ -21,7 +21,7 @@ from ..scenarios import Scenario
 
 NEVER = -1.0
 MAX_SHARED = 8  # task records in one message
-LUCK = 4  # measures of it (service.py: count_luck)
+LUCK = "value", "value_by_time_left", "minutes", "minutes_by_time_left"  # its measures (service.py: count_luck)
 N_UPLINK_PLACES = 3  # query, request, telemetry, by priority
 
 
@@ -54,7 +54,7 @@ COUNTS = (
 
 MISSION = record(
     rules=(RULES,), seed="u8", station_x="f8", station_y="f8", now="i8", over="i1", messages="i8", flying="i8",
-    total_value="f8", pending_value="f8", luck=("f8", (LUCK,)),
+    total_value="f8", pending_value="f8", luck=("f8", (len(LUCK),)),
     reward=("f8", (2,)), tick_reward=("f8", (2,)), switches="i8", incompatibles="i8", conflicts="i8", refusals="i8",
     **{name: "i8" for name in COUNTS + ADDRESSES},
 )  # fmt: skip

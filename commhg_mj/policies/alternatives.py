@@ -30,7 +30,7 @@ class Outcomes(NamedTuple):
 
     twcr: np.ndarray  # at the end
     reward: np.ndarray  # from the state on
-    luck: np.ndarray  # [choices, seeds, LUCK] likewise (mission/service.py: count_luck)
+    luck: np.ndarray  # [choices, seeds, len(LUCK)] likewise (mission/service.py: count_luck)
 
 
 class Tried(NamedTuple):

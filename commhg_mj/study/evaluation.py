@@ -8,7 +8,7 @@ import numpy as np
 from ..base.arguments import missions_of, names
 from ..base.files import whole_file
 from ..flights.held_out import HELD_OUT
-from ..flights.statistics import mean_interval, middle_interval
+from ..flights.statistics import fair_difference, mean_interval, middle_interval
 from ..policies import find_policy, label_of
 from ..replay.communication import FIGURES, fly_and_listen
 from ..scenarios import Scenario
@@ -34,14 +34,15 @@ def evaluate(scenario, policies, n_missions, links, limitation, workers, advance
 
 
 def compare_scores(flights: dict) -> list[dict]:
-    """A row a policy: TWCR, and its paired difference to the first policy."""
-    twcr = {policy: np.array([score.twcr for score, _ in each]) for policy, each in flights.items()}
-    first = next(iter(twcr.values()))
+    """A row a policy: TWCR, and its paired difference to the first policy, plain and with less luck in it."""
+    scores = [[score for score, _ in each] for each in flights.values()]
+    twcr = np.array([[score.twcr for score in each] for each in scores])
     return [
         {
-            "policy": name, "twcr": mean_interval(each), "iqm": middle_interval(each), "difference": mean_interval(each - first),
+            "policy": name, "twcr": mean_interval(each), "iqm": middle_interval(each),
+            "difference": mean_interval(each - twcr[0]), "fair": mean_interval(fair_difference(own, scores[0])),
         }
-        for name, each in zip(table_names(twcr), twcr.values())
+        for name, each, own in zip(table_names(flights), twcr, scores)
     ]  # fmt: skip
 
 
@@ -53,13 +54,14 @@ def table_names(policies) -> list[str]:
 
 
 def save_evaluation(path, n_missions: int, results: list[tuple[Condition, dict]]) -> None:
-    """Every mission's TWCR and its figures of communication under each condition as JSON, null where a mission has none."""
+    """Every mission's TWCR, luck and figures of communication under each condition as JSON, null where a mission has none."""
     conditions = [
         {
             "scenario": condition.scenario.name,
             "links": condition.links,
             "limitation": condition.limitation,
             "twcr": {policy: [score.twcr for score, _ in each] for policy, each in flights.items()},
+            "luck": {policy: [list(score.luck.values()) for score, _ in each] for policy, each in flights.items()},
             "communication": {
                 policy: {name: [None if np.isnan(said[name]) else said[name] for _, said in each] for name in FIGURES}
                 for policy, each in flights.items()

@@ -104,7 +104,7 @@ def test_luck_has_no_mean_and_explains_most_of_what_flights_differ_by(flight):
     tasks = np.flatnonzero(flight.batch.observations.robot_tasks["legal"][row])[:2]
     flight.choices()
     ends = Alternatives(flight.batch, 800).judge(0, flight.memory, ROBOT, robot, tasks, range(1000, 1400))
-    luck = ends.luck.reshape(800, LUCK)
+    luck = ends.luck.reshape(800, len(LUCK))
     assert np.all(np.abs(luck.mean(axis=0)) < 4.0 * luck.std(axis=0) / 20.0) and luck.std(axis=0).min() > 0.0
     twcr, luck = ends.twcr[1] - ends.twcr[0], ends.luck[1] - ends.luck[0]
     twcr, luck = twcr - twcr.mean(), luck - luck.mean(axis=0)

@@ -12,7 +12,7 @@ def evaluation_tables(title, flights: dict) -> Group:
     """What `commhg-mj evaluate` prints."""
     rows = compare_scores(flights)
     table = Table(title=title, title_justify="left")
-    for name in ("policy", "TWCR", "IQM", f"minus {rows[0]['policy']}"):
+    for name in ("policy", "TWCR", "IQM", f"minus {rows[0]['policy']}", "without luck"):
         table.add_column(name, justify="left" if name == "policy" else "right")
     for row in rows:
         table.add_row(*map(str, row.values()))
