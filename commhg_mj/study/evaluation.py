@@ -9,6 +9,7 @@ from ..base.arguments import missions_of, names
 from ..base.files import whole_file
 from ..flights.held_out import HELD_OUT
 from ..flights.statistics import fair_difference, mean_interval, middle_interval
+from ..mission.state import LUCK
 from ..policies import find_policy, label_of
 from ..replay.communication import FIGURES, fly_and_listen
 from ..scenarios import Scenario
@@ -61,7 +62,9 @@ def save_evaluation(path, n_missions: int, results: list[tuple[Condition, dict]]
             "links": condition.links,
             "limitation": condition.limitation,
             "twcr": {policy: [score.twcr for score, _ in each] for policy, each in flights.items()},
-            "luck": {policy: [list(score.luck.values()) for score, _ in each] for policy, each in flights.items()},
+            "luck": {
+                policy: {name: [score.luck[name] for score, _ in each] for name in LUCK} for policy, each in flights.items()
+            },
             "communication": {
                 policy: {name: [None if np.isnan(said[name]) else said[name] for _, said in each] for name in FIGURES}
                 for policy, each in flights.items()

@@ -14,6 +14,7 @@ from commhg_mj.cli.tables.evaluate import communication_table, evaluation_tables
 from commhg_mj.flights.fly import fly
 from commhg_mj.flights.statistics import mean_interval
 from commhg_mj.mission.batch import MissionBatch, stay
+from commhg_mj.mission.state import LUCK
 from commhg_mj.mission.trace import make_traces
 from commhg_mj.replay.communication import FIGURES, fly_and_listen, listen
 from commhg_mj.scenarios import SCENARIOS
@@ -124,12 +125,14 @@ def test_evaluate_prints_both_tables_and_writes_both(tmp_path):
     console.print(evaluation_tables("a title", flights))
     text = console.export_text()
     asked = [figures["queries"] for _, figures in flights["random"]]
-    for words in ("a title", "communication", "omniscient (privileged)", str(mean_interval(asked))):
+    expected = "a title", "minus greedy+no-query", "without luck", "communication", "omniscient (privileged)"
+    for words in (*expected, str(mean_interval(asked))):
         assert words in text
     save_evaluation(tmp_path / "e.json", 3, [(Condition(SHORT, "abstract", "nominal"), flights)])
     stored = json.loads((tmp_path / "e.json").read_text(), parse_constant=pytest.fail)
     assert stored["missions"] == 3 and set(stored) == {"missions", "first_seed", "conditions"}
     (stored,) = stored["conditions"]
-    assert set(stored) == {"scenario", "links", "limitation", "twcr", "communication"}
+    assert set(stored) == {"scenario", "links", "limitation", "twcr", "luck", "communication"}
     assert stored["communication"]["random"]["queries"] == asked
+    assert stored["luck"]["omniscient"] == {name: [score.luck[name] for score, _ in flights["omniscient"]] for name in LUCK}
     assert stored["communication"]["greedy+no-query"]["record_age"] == [None] * 3
