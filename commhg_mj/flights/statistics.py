@@ -34,8 +34,8 @@ def fair_difference(scores, others) -> np.ndarray:
     """[n] how much more TWCR the scores of n missions have than others of the same ones, less what their luck explains of it.
 
     The luck of services has a mean of 0 whatever is decided (mission/service.py: count_luck): what is left has the same
-    expectation, and an interval narrower by a third. A control variate, fitted to these differences by least squares (White
-    and Bowling, IJCAI 2009). Of fewer than `ENOUGH` missions the plain difference.
+    expectation, and an interval narrower by a sixth to a half, the more alike the two decide. A control variate, fitted to these
+    differences by least squares (White and Bowling, IJCAI 2009). Of fewer than `ENOUGH` missions the plain difference.
     """
     difference = np.array([score.twcr - other.twcr for score, other in zip(scores, others, strict=True)])
     if len(difference) < ENOUGH:
