@@ -12,6 +12,7 @@ from commhg_mj.base.terms import Kind
 from commhg_mj.mission.batch import MissionBatch
 from commhg_mj.mission.decide import Decisions
 from commhg_mj.mission.propagation import link_between, link_to_station
+from commhg_mj.mission.state import LUCK
 from commhg_mj.policies import POLICIES, prepare
 from commhg_mj.radio import LINK_MODELS
 from commhg_mj.scenarios import LIMITATIONS, SCENARIOS, CommunicationRules, describe, from_json, load_scenario, to_json
@@ -125,8 +126,8 @@ def test_scores_are_finite_shares_counts_and_times(policy):
     batch, pilot = prepare(policy, SHORT, range(3))
     for score in fly(batch, pilot).scores():
         values = dataclasses.asdict(score)
-        messages = values.pop("messages")
-        assert all(np.isfinite(value) for value in values.values())
+        messages, luck = values.pop("messages"), values.pop("luck")
+        assert all(np.isfinite(value) for value in [*values.values(), *luck.values()]) and set(luck) == set(LUCK)
         assert set(messages) == {kind.name.lower() for kind in Kind}
         assert values["bytes_sent"] == sum(counts["bytes"] for counts in messages.values())
         for counts in messages.values():
