@@ -35,7 +35,7 @@ class Fit:
 
     def run(self) -> Iterator[dict]:
         """Losses of each epoch, the last of which leaves the method fitted."""
-        n, k = len(self.points.robots.mission), len(self.points.taught_picks)
+        n, k = len(self.points.tried.choice), len(self.points.tried_picks.choice)
         n_steps = max(1, n // MINIBATCH)
         for epoch in range(EPOCHS):
             robots, operators = self.rng.permutation(n), self.rng.permutation(k)
@@ -91,7 +91,7 @@ def actors_of(method) -> list:
 def without_luck(tried: Trials) -> np.ndarray:
     """[n, C] f4 worths less their row's mean, and less what their flights' luck explains of the rest; nan where there is none.
 
-    Luck has a mean of 0 whatever is chosen, so that the worths stay unbiased; they scatter a third as much.
+    Luck has a mean of 0 whatever is chosen, so that the worths stay unbiased; a third of their variance is left.
     """
     is_there = ~np.isnan(tried.worth)
     worth, luck = centred(tried.worth, is_there), centred(tried.luck, is_there)

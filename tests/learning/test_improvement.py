@@ -26,7 +26,7 @@ from commhg_mj.learning.points import (
     join_points,
     load_points,
     save_points,
-)  # fmt: skip
+)
 from commhg_mj.learning.registry import METHODS, make_method
 from commhg_mj.learning.train import Plan
 from commhg_mj.learning.weights import load_weights
