@@ -91,7 +91,7 @@ def _transport(draw):
     sizes = {kind: draw(st.sampled_from([size, size, 1, 40, 300])) for kind, size in BYTES.items()}
     largest = max(size for kind, size in sizes.items() if kind != "broadcast")
     return CommunicationRules(
-        range=draw(st.sampled_from([(0.3, 0.22, 0.14), (0.0, 0.0, 0.0), (2.0, 2.0, 2.0)])),
+        range=draw(st.sampled_from([(0.3, 0.22, 0.06), (0.0, 0.0, 0.0), (2.0, 2.0, 2.0)])),
         unavailable_or_delayed=draw(st.sampled_from([(0.1, 0.2, 0.3), (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)])),
         out_degree=draw(st.sampled_from([1, 4, 64])),
         delay=draw(st.integers(1, 4)),

@@ -91,9 +91,9 @@ class Alternatives:
 def fly_all_on(missions, rules, desk, memory, seen, masks, decisions, role, actor, choices):
     """Fly each mission on with one choice of the same actor."""
     for k in range(missions.shape[0]):
-        told, taken = memory.told[k : k + 1], memory.taken[k : k + 1]
+        own = Memory(memory.told[k : k + 1], memory.taken[k : k + 1], memory.asked[k : k + 1])
         tried = Tried(role, actor, choices[k], missions[k].now)
-        fly_on(missions[k : k + 1], rules, desk, Memory(told, taken), seen, masks, decisions, tried)
+        fly_on(missions[k : k + 1], rules, desk, own, seen, masks, decisions, tried)
 
 
 @kernel

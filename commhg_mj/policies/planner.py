@@ -21,7 +21,7 @@ from ..mission.service import autonomous_seconds, autonomous_success, controlled
 from ..mission.state import NEVER
 from .assignment import Assignment, assign, new_assignment
 from .greedy import CLAIM_TRUST, choose_robots
-from .schedule import follow_schedule
+from .schedule import follow_schedule, longest_unheard
 from .supervision import persist
 
 UAV, CONTROLLED = int(Embodiment.UAV), int(Mode.CONTROLLED)
@@ -39,6 +39,8 @@ REPEATS = 1.3  # a service that a peer began is believed to last so many of its 
 AT_WORK = 1e3  # a service under way is finished
 PERIOD = 60.0  # s between broadcasts while the plan stays the same
 TAKEN = 0.2  # worth of a task that another is known to have taken: by now it is at work there, or has done it
+WELL_UNDER_WAY = 0.4  # progress of a service from which its robot asks for news that its next choice may need
+ASKING_PERIOD = 60.0  # s since a robot's last query, before it asks at work
 UNTOLD = -9  # no plan has been told yet
 
 
@@ -53,7 +55,7 @@ class Plan(NamedTuple):
     speaks_up: bool = True  # broadcasts a change of plan at once; else by the clock of the fixed schedule
     weighs: bool = True  # what is done soon, urgent or hard counts more than its worth a second
     persists: bool = True  # operators keep a robot until its task is done, and count what a session costs; else Greedy's
-    asks: bool = True  # operators, by the fixed schedule's rule
+    asks: bool = True  # operators, by the fixed schedule's rule and once at work
 
 
 WHOLE = Plan()
@@ -87,12 +89,13 @@ class Memory(NamedTuple):
 
     told: np.ndarray  # [E, R] the plan that each told last
     taken: np.ndarray  # [E, R, T] s: when each knew another robot last to have a task, NEVER: not, or seen open since
+    asked: np.ndarray  # [E, R] s: when each asked last, -inf: not yet
 
 
 def new_memory(n_missions, scenario) -> Memory:
     """Room for all robots of a batch; it is empty where a mission begins."""
-    n = scenario.n_robots
-    return Memory(np.full((n_missions, n), UNTOLD), np.full((n_missions, n, scenario.n_tasks), NEVER))
+    e, r = n_missions, scenario.n_robots
+    return Memory(np.full((e, r), UNTOLD), np.full((e, r, scenario.n_tasks), NEVER), np.full((e, r), -np.inf))
 
 
 class Planner:
@@ -146,6 +149,8 @@ def supervise(rules, plan, observations, choices):
 def talk(plan, memory, observations, decisions):
     """What all say and ask whose choices are made."""
     follow_schedule(observations, decisions, plan.asks)
+    if plan.asks:
+        ask_at_work(memory.asked, observations, decisions)
     if plan.speaks_up:
         tell_changes(memory.told, observations, decisions)
 
@@ -171,6 +176,22 @@ def remember(robot, tasks, taken):
 def is_settled(robot):
     """Whether a robot is at work on its task, or has a prescribed one: it does not choose."""
     return robot.activity == SERVICING and robot.can_keep or not robot.can_idle
+
+
+@kernel
+def ask_at_work(asked, observations, decisions):
+    """A service that is well under way leaves time to ask: news from around its task arrive before the next choice."""
+    for i in range(observations.robots.shape[0]):
+        robot = observations.robots[i]
+        e, r = robot.mission, robot.robot
+        if robot.time == 0.0:
+            asked[e, r] = -np.inf
+        is_at_work = robot.activity == SERVICING and robot.progress > WELL_UNDER_WAY
+        if is_at_work and robot.time - asked[e, r] > ASKING_PERIOD:
+            decisions.query[i] = longest_unheard(observations.robot_operators[i])
+            decisions.assist[i] = decisions.assist[i] and decisions.query[i] == NOBODY
+        if decisions.query[i] != NOBODY:
+            asked[e, r] = robot.time
 
 
 @kernel

@@ -13,7 +13,7 @@ SERVICING = int(Activity.SERVICING)
 BROADCAST_PERIOD = 20.0  # s
 HARD = 0.6  # difficulty above which assistance is requested
 REQUEST_PERIOD = 60.0  # s between requests for one task
-FAR = 25.0  # s of way to a task: on a shorter one a reply comes too late to turn for it
+FAR = 15.0  # s of way to a task: on a shorter one a reply comes too late to turn for it
 
 
 @kernel

@@ -97,28 +97,28 @@ class OperatorRules:
 class CommunicationRules:
     """Transport; triples are (nominal, low, high) limitation."""
 
-    range: tuple = _field((0.30, 0.22, 0.14), "of the side", "P/D", "robot-robot range; nominal [P]", 0, 2)
+    range: tuple = _field((0.30, 0.22, 0.06), "of the side", "P/D", "robot-robot range; nominal [P]", 0, 2)
     unavailable_or_delayed: tuple = _field(
         (0.10, 0.20, 0.30), "probability", "P", "lost or delayed over clear ground, in equal shares", 0, 1
     )
     out_degree: int = _field(4, "count", "P", "neighbours of one broadcast", 1, 64)
     delay: int = _field(1, "s", "D", "of a message in time", 1, 60)
     late_delay: tuple = _field((3, 8), "s", "D", "of a delayed message, uniform", 1, 60)
-    broadcast_records: int = _field(8, "count", "D", "freshest task records in a broadcast", 0, 8)
+    broadcast_records: int = _field(4, "count", "D", "freshest task records in a broadcast", 0, 8)
     telemetry_records: int = _field(4, "count", "D", "freshest sensed task records in telemetry", 0, 8)
     bucket: float = _field(192.0, "B", "P", "capacity of each uplink and downlink token bucket", 1, 1e9)
     refill: float = _field(6.5, "B/s", "D", "of each of them", 0, 1e9)
     broadcast_bucket: float = _field(640.0, "B", "D", "capacity of each robot's token bucket for broadcasts", 1, 1e9)
     broadcast_refill: float = _field(4.0, "B/s", "D", "of each of them", 0, 1e9)
     time_to_live: float = _field(24.0, "s", "P", "of every queued message", 1, 1e6)
-    broadcast_bytes: int = _field(160, "B", "D", "state, assignment and eight task records", 1, 65535)
-    telemetry_bytes: int = _field(64, "B", "D", "own state, own task, freshest sensed records", 1, 65535)
+    broadcast_bytes: int = _field(160, "B", "D", "state, assignment and four task records", 1, 65535)
+    telemetry_bytes: int = _field(40, "B", "D", "own state, own task, freshest sensed records", 1, 65535)
     query_bytes: int = _field(32, "B", "P", "information query", 1, 65535)
     request_bytes: int = _field(24, "B", "D", "assistance request", 1, 65535)
     control_bytes: int = _field(48, "B", "D", "control command", 1, 65535)
     renewal_bytes: int = _field(24, "B", "D", "lease renewal", 1, 65535)
     release_bytes: int = _field(24, "B", "D", "end of a lease before its time", 1, 65535)
-    reply_bytes: int = _field(64, "B", "D", "resource report and task tip", 1, 65535)
+    reply_bytes: int = _field(56, "B", "D", "resource report and task tip", 1, 65535)
     telemetry_period: float = _field(5.0, "s", "D", "telemetry falls due this often", 1, 3600)
     forest_decay: float = _field(73.0, "m", "D", "l_f: abstract links lose exp(-metres/l_f) in forest", 0.01, 1e9)
     mountain_decay: float = _field(10.0, "m", "D", "l_m: the same inside mountains", 0.01, 1e9)
@@ -164,7 +164,7 @@ class DecisionRules:
     )  # fmt: skip
     initial_phase: float = _field(0.10, "of the limit", "D", "longest prescribed first target", 0, 1)
     refusal: float = _field(20.0, "s", "D", "after its stand a refused robot may not choose that task for so long", 0, 3600)
-    arbitration: float = _field(30.0, "s", "D", "a refused robot stands so long: claim and answer are on their way", 0, 3600)
+    arbitration: float = _field(40.0, "s", "D", "a refused robot stands so long: claim and answer are on their way", 0, 3600)
 
 
 @dataclass(frozen=True)

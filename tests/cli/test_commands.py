@@ -594,7 +594,7 @@ def test_profiles_matter_to_ray_casts_alone(run, tiny):
 def test_links_prints_both_models(run, tiny):
     code, out, err = run("links", "--scenario", tiny, "--from", "uav0", "--to", "station", "--at", 20)
     assert (code, err) == (0, "")
-    assert "uav0 to station, telemetry of 64 B" in out and "abstract" in out and "raycast" in out
+    assert "uav0 to station, telemetry of 40 B" in out and "abstract" in out and "raycast" in out
     table = cells(out)
     for row in ("line of sight", "metres in forest", "free-space loss (dB)", "SNR (dB)", "delivered in time", "lost"):
         assert len(table[row]) == 2, row
@@ -614,7 +614,7 @@ def test_links_takes_its_conditions_from_the_trace(run, tiny, tmp_path):
     run("run", "--scenario", tiny, "--out", "runs", "--seed", 3, "--limitation", "high", "--links", "abstract", "--json")
     ends = ["--from", "60,20", "--to", "100,20"]
     code, out, _ = run("links", *ends, "--trace", "runs/tiny-greedy-abstract-high-3.npz")
-    assert code == 0 and cells(out)["range (m)"] == ["70", "70"], "0.14 of 500 m"
+    assert code == 0 and cells(out)["range (m)"] == ["30", "30"], "0.06 of 500 m"
     assert out == run("links", *ends, "--scenario", tiny, "--seed", 3, "--limitation", "high")[1]
 
 

@@ -126,7 +126,7 @@ def test_a_control_command_goes_before_replies():
     assert pilot.operators["tokens"][0] == 55 + 10 - 48
     assert count(pilot, Kind.CONTROL)["sent"] == 1 and count(pilot, Kind.REPLY)["sent"] == 0
     pilot.wait(6)
-    assert count(pilot, Kind.REPLY)["sent"] == 1, "the next as soon as there are 64 B"
+    assert count(pilot, Kind.REPLY)["sent"] == 1, "the next as soon as there are 56 B"
 
 
 def test_no_reply_overtakes_a_command_that_lacks_tokens():

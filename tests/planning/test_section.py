@@ -108,7 +108,7 @@ def test_ranges_and_profiles(profile, ranges):
 
 
 def test_messages_and_their_sizes():
-    for ends, said in ((("1,1", "9,9"), "broadcast of 160 B"), (("1,1", "station"), "telemetry of 64 B")):
+    for ends, said in ((("1,1", "9,9"), "broadcast of 160 B"), (("1,1", "station"), "telemetry of 40 B")):
         assert link_table(look(*ends)).title.endswith(said)
     forth, back = (table_of(look(*ends)) for ends in (("1,1", "station"), ("station", "1,1")))
     assert forth == back

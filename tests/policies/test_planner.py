@@ -9,7 +9,8 @@ from commhg_mj.base.terms import IDLE, KEEP, NOBODY, REST, Activity, Mode, Sessi
 from commhg_mj.mission.batch import MissionBatch
 from commhg_mj.policies import find_policy, prepare
 from commhg_mj.policies.greedy import CLAIM_TRUST, TIRED, gain
-from commhg_mj.policies.planner import ABLATIONS, PERIOD, Plan, Planner
+from commhg_mj.policies.planner import ABLATIONS, ASKING_PERIOD, PERIOD, WELL_UNDER_WAY, Plan, Planner
+from commhg_mj.policies.schedule import FAR
 from commhg_mj.policies.whole_missions import fly_whole
 from commhg_mj.scenarios import SCENARIOS
 
@@ -138,6 +139,26 @@ def test_changes_of_plan_are_told_at_once_and_the_rest_seldom():
                 told[key], spoke[key], changes = plan, now, changes + is_news
         batch.step(decisions)
     assert changes > 50
+
+
+def test_queries_go_with_far_tasks_and_once_a_minute_from_work():
+    batch = MissionBatch("medium", [1, 2])
+    planner, asked, from_work = Planner(batch), {}, 0
+    while batch.time.max() < 400 and not batch.over.any():
+        seen = batch.observations
+        decisions = planner(seen)
+        for i, robot in enumerate(seen.robots):
+            key, now, task = (int(robot["mission"]), int(robot["robot"])), float(robot["time"]), decisions.task[i]
+            is_far = task >= 0 and seen.robot_tasks[i, task]["distance"] > FAR * robot["speed"]
+            is_under_way = robot["activity"] == Activity.SERVICING and robot["progress"] > WELL_UNDER_WAY
+            is_at_work = is_under_way and now - asked.get(key, -np.inf) > ASKING_PERIOD
+            is_open = seen.robot_operators["legal"][i].any()
+            assert (decisions.query[i] != NOBODY) == (is_open and (is_far or is_at_work))
+            assert not (decisions.assist[i] and decisions.query[i] != NOBODY)
+            if decisions.query[i] != NOBODY:
+                asked[key], from_work = now, from_work + is_at_work
+        batch.step(decisions)
+    assert from_work > 10
 
 
 def test_a_planner_serves_a_mission_that_begins_in_the_place_of_another():
