@@ -164,7 +164,7 @@ class DecisionRules:
     )  # fmt: skip
     initial_phase: float = _field(0.10, "of the limit", "D", "longest prescribed first target", 0, 1)
     refusal: float = _field(20.0, "s", "D", "after its stand a refused robot may not choose that task for so long", 0, 3600)
-    arbitration: float = _field(40.0, "s", "D", "a refused robot stands so long: claim and answer are on their way", 0, 3600)
+    arbitration: float = _field(60.0, "s", "D", "a refused robot stands so long: claim and answer are on their way", 0, 3600)
 
 
 @dataclass(frozen=True)

@@ -88,7 +88,7 @@ def test_copies_fly_on_to_the_same_end(duplicate):
 
 def test_missions_fly_the_same_where_libmujoco_cannot_be_loaded(monkeypatch):
     scenario = change(SHORT, time_limit=60, refill=16.0, broadcast_refill=160.0)
-    batch, pilot = prepare("random", scenario, [1, 2], links="raycast")
+    batch, pilot = prepare("random", scenario, [7, 8], links="raycast")
     ray_functions.cache_clear()
 
     def fail(*args, **kwargs):

@@ -168,7 +168,7 @@ def shatter(state):
 def test_without_an_uplink_operators_see_the_same_whatever_their_robots_do(name, happens):
     """From a second on no report arrives: operators go on by their own records, to the last bit, for two minutes."""
     scenario = change(SCENARIOS["small"], operator_period=1, malfunction=0.0)
-    teams = [prepare(name, scenario, range(5, 11)) for _ in range(2)]
+    teams = [prepare(name, scenario, range(12, 18)) for _ in range(2)]
     for batch, policy in teams:
         fly(batch, policy, 100)
         cut_uplink(batch)

@@ -406,7 +406,7 @@ def test_a_broadcast_carries_state_assignment_and_the_freshest_records():
     pilot.step(robots={r: dict(task=IDLE) for r in range(2)}).wait(19)
     pilot.beliefs["time"][0] = np.arange(20)
     pilot.step(robots={0: dict(broadcast=True, task=5)}).wait(1)
-    assert np.flatnonzero(pilot.beliefs["time"][1] >= 0).tolist() == list(range(12, 20))
+    assert np.flatnonzero(pilot.beliefs["time"][1] >= 0).tolist() == list(range(16, 20))
     peer = pilot.peers[1, 0]
     assert peer["task"] == 5 and peer["time"] == 20
     assert np.all(pilot.beliefs["sensed"][1] == 0)

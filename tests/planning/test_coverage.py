@@ -15,6 +15,7 @@ from commhg_mj.scenarios import SCENARIOS
 
 SCENARIO = change(SCENARIOS["small"], n_tasks=2)
 SIDE = 500.0
+TELEMETRY = SCENARIO.communication.telemetry_bytes
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +62,7 @@ def test_cells_are_links_between_points(world, from_middle):
 def test_cells_are_links_to_the_station(world, from_station):
     links, seen = WorldLinks(world, "raycast", "low"), set()
     for row, column in cells(150):
-        found = links.to_station(antenna(world, centre(row, column), 4.0), 64)[0]
+        found = links.to_station(antenna(world, centre(row, column), 4.0), TELEMETRY)[0]
         assert from_station.delivered["raycast"][row, column] == pytest.approx(found["on_time"] + found["late"], abs=1e-9)
         seen.add(round(float(found["on_time"]), 3))
     assert len(seen) > 3

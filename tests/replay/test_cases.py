@@ -18,7 +18,7 @@ from commhg_mj.scenarios import SCENARIOS
 
 HARD, EASY = 2, 1  # tasks
 ME, OTHER, H = 0, 3, 1
-SEED = 4  # of a mission with cases
+SEED = 19  # of a mission with cases
 
 
 def decision(time, choice=KEEP, query=NOBODY, report=None, robot=ME, held=HARD, **own):

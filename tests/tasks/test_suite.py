@@ -34,14 +34,14 @@ FACTS = {  # never change; who is proficient in what is the same in every missio
     "robots/embodiment", "robot_peers/embodiment", "operator_reports/embodiment",
     "operators/proficiency_uav", "operators/proficiency_ugv",
 }  # fmt: skip
-TIRING = change(SCENARIOS["small"], fatigue_rate=0.05, recovery_rate=0.0, time_limit=300)
+TIRING = change(SCENARIOS["small"], fatigue_rate=0.02, recovery_rate=0.0, time_limit=300)
 CROWDED = change(
     SCENARIOS["small"], n_uav=8, n_operators=1, refill=3.0, time_to_live=100.0, broadcast_bucket=160.0, time_limit=300,
 )  # fmt: skip
 SLOW = change(SCENARIOS["small"], refill=1.0, time_to_live=100.0, time_limit=600)
 RARE = {  # few actions at random tire an operator or fill a queue; here they do
     "robot_operators/fatigue_class": TIRING, "robot_operators/queue": CROWDED, "robots/request_waits": SLOW,
-    "operators/queue": CROWDED, "robots/can_broadcast": CROWDED,
+    "operators/queue": CROWDED, "robots/can_broadcast": CROWDED, "robots/query_waits": SLOW, "robot_operators/legal": SLOW,
 }  # fmt: skip
 
 
