@@ -228,7 +228,7 @@ def test_every_ablation_flies_by_its_name_and_differs(name):
     assert not info.is_privileged
     ends = []
     for policy in ("planner", f"planner+{name}"):
-        batch, pilot = prepare(policy, "medium", [1, 2])
+        batch, pilot = prepare(policy, "medium", [1, 2, 3, 4])
         ends.append(fingerprint(fly(batch, pilot, seconds=600).state))
     assert ends[0] != ends[1]
 
