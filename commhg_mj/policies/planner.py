@@ -180,7 +180,7 @@ def is_settled(robot):
 
 @kernel
 def ask_at_work(asked, observations, decisions):
-    """A service that is well under way leaves time to ask: news from around its task arrive before the next choice."""
+    """A service that is well under way leaves time to ask: news from around its task comes before the next choice."""
     for i in range(observations.robots.shape[0]):
         robot = observations.robots[i]
         e, r = robot.mission, robot.robot
