@@ -47,6 +47,7 @@ FLIGHTS = {
 }
 CLOCKED, AT_RANDOM = "planner broadcasts by the clock", "planner broadcasts at random"
 ASKS_AT_RANDOM = "planner asks at random, high"
+CORRECTIONS = 2  # of a gate's rate: buckets run dry, so that twice the chance is not twice the bytes
 LINKS = (DEFAULT_LINKS, "abstract")  # the rules hold under the first; what changes without geometry is printed beside it
 
 
@@ -70,9 +71,10 @@ class Gate(NamedTuple):
 
     def fly(self, scores: dict[str, list], scores_of: Callable) -> list:
         """Its scores, beside those of `scores[planner]`."""
-        limitation, wanted = FLIGHTS[self.planner].limitation, self.count(scores[self.planner])
-        tried = self.count(scores_of(Flight(self.policy(self.first), limitation)))
-        return scores_of(Flight(self.policy(self.first * wanted / max(1.0, tried)), limitation))
+        limitation, wanted, often = FLIGHTS[self.planner].limitation, self.count(scores[self.planner]), self.first
+        for _ in range(CORRECTIONS):
+            often *= wanted / max(1.0, self.count(scores_of(Flight(self.policy(often), limitation))))
+        return scores_of(Flight(self.policy(often), limitation))
 
 
 GATES = {  # a broadcast a minute is one every 60 s
@@ -80,7 +82,7 @@ GATES = {  # a broadcast a minute is one every 60 s
     AT_RANDOM: Gate("planner", lambda chance: f"planner+broadcasts-at-random-{min(1.0, chance):.3f}", 0.3, n_broadcast),
     ASKS_AT_RANDOM: Gate("planner, high", lambda chance: f"planner+asks-at-random-{min(1.0, chance):.3f}", 0.1, n_queries),
 }
-N_FLIGHTS = len(FLIGHTS) + 2 * len(GATES)
+N_FLIGHTS = len(FLIGHTS) + (CORRECTIONS + 1) * len(GATES)
 
 
 class Rule(NamedTuple):

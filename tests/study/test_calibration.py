@@ -9,7 +9,7 @@ from commhg_mj.cli.tables.calibrate import calibration_tables
 from commhg_mj.flights.held_out import CALIBRATION
 from commhg_mj.scenarios import SCENARIOS, from_dict
 from commhg_mj.study import calibration
-from commhg_mj.study.calibration import N_FLIGHTS, calibrate
+from commhg_mj.study.calibration import CORRECTIONS, N_FLIGHTS, calibrate
 
 GOOD = {
     "random": 0.2, "greedy+no-query": 0.6, "greedy+no-query high": 0.5, "greedy+no-query low": 0.55,
@@ -20,8 +20,11 @@ GOOD = {
     "planner+broadcasts-at-random-0.300": 0.5, "planner+broadcasts-at-random-0.150": 0.68,  # twice the bytes: half the chance
     "planner+asks-at-random-0.100 high": 0.5, "planner+asks-at-random-0.200 high": 0.645,  # likewise
 }
-QUERIES = {"planner": 20, "planner+asks-at-random-0.100": 10}
-BYTES = {"planner": 2000, "planner+broadcasts-every-30.0": 1000, "planner+broadcasts-at-random-0.300": 4000}
+QUERIES = {"planner": 20, "planner+asks-at-random-0.100": 10, "planner+asks-at-random-0.200": 20}
+BYTES = {
+    "planner": 2000, "planner+broadcasts-every-30.0": 1000, "planner+broadcasts-every-15.0": 2000,
+    "planner+broadcasts-at-random-0.300": 4000, "planner+broadcasts-at-random-0.150": 2000,
+}  # fmt: skip
 
 
 @pytest.fixture
@@ -44,7 +47,7 @@ def flown(monkeypatch):
 def test_all_references_fly_the_same_missions(flown):
     ended = []
     result = calibrate("small", 4, advance=ended.append)
-    assert len(flown.calls) == N_FLIGHTS == len(result.twcr) + 3 and sum(ended) == 4 * N_FLIGHTS
+    assert len(flown.calls) == N_FLIGHTS == len(result.twcr) + CORRECTIONS * 3 and sum(ended) == 4 * N_FLIGHTS
     assert {seeds for *_, seeds, _ in flown.calls} == {tuple(range(CALIBRATION, CALIBRATION + 4))}
     assert sum(scenario.n_operators == 0 for scenario, *_ in flown.calls) == 2
     assert {scenario.name for scenario, *_ in flown.calls} == {SCENARIOS["small"].name}
