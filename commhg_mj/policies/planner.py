@@ -55,7 +55,7 @@ class Plan(NamedTuple):
     speaks_up: bool = True  # broadcasts a change of plan at once; else by the clock of the fixed schedule
     weighs: bool = True  # what is done soon, urgent or hard counts more than its worth a second
     persists: bool = True  # operators keep a robot until its task is done, and count what a session costs; else Greedy's
-    asks: bool = True  # operators, by the fixed schedule's rule and once at work
+    asks: bool = True  # operators, by the fixed schedule's rule and from work
 
 
 WHOLE = Plan()

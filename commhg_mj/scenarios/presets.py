@@ -3,7 +3,8 @@
 from ..base.registries import Registry
 from .fields import RadioRules, Scenario, TaskRules, WorldRules
 
-PRESETS = {  # deadlines grow with the way to go; fitted decays as `commhg-mj fit --missions 200` prints them
+# Fitted decays as `commhg-mj fit --missions 200` printed them at the former prices (docs/calibration.md).
+PRESETS = {  # deadlines grow with the way to go
     "small": Scenario(
         "small", 500.0, 22, 600, 2, 2, 2, WorldRules(n_forests=4, n_mountains=2), tasks=TaskRules(deadline=(75.0, 415.0)),
         radio=RadioRules(fitted_forest_decay=689.8, fitted_mountain_decay=324.6),
